@@ -1,0 +1,1 @@
+//! Benches and reproductions of Proxel.

@@ -1,0 +1,1 @@
+//! Batched signed SVD, polar decomposition and sparse Cholesky of Proxel.

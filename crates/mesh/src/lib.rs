@@ -1,0 +1,1 @@
+//! Meshes of Proxel: topology, file formats, generators, checks.

@@ -1,0 +1,1 @@
+//! Energies, constraint sets and element batches of Proxel.

@@ -1,0 +1,1 @@
+//! Proxel minimises deformation energies under constraints.

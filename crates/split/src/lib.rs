@@ -1,0 +1,1 @@
+//! The splitting engine of Proxel: problems, terms, ADMM, global steps, stops.

@@ -1,0 +1,1 @@
+//! Slow twins for tests of Proxel: finite differences, brute-force prox, tiny meshes.

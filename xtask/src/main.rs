@@ -1,0 +1,2 @@
+//! Chores: `cargo xtask test`, `cargo xtask lint`, `cargo xtask repro NAME --out DIR`.
+fn main() {}
