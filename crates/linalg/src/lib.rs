@@ -1,1 +1,4 @@
-//! Batched signed SVD, polar decomposition and sparse Cholesky of Proxel.
+//! Linear algebra of Proxel: eight-lane arithmetic with the instruction set chosen at run time, signed singular value
+//! and polar decompositions of small matrices in batches, sparse symmetric factorisation and triangular solves.
+
+pub mod simd;

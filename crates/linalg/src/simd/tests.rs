@@ -1,0 +1,141 @@
+use super::*;
+
+/// Applies every operation to lanes and gives the results lane by lane.
+struct Operations<'a>(&'a [f64; 8], &'a [f64; 8]);
+
+impl Kernel for Operations<'_> {
+    type Output = Vec<[f64; 8]>;
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<[f64; 8]> {
+        let (a, b) = (F8::<I>::load(self.0), F8::<I>::load(self.1));
+        let pick = |m| F8::<I>::select(m, F8::one(), F8::zero());
+        let (e, m) = a.abs().exponent_and_mantissa();
+        [
+            a + b,
+            a - b,
+            a * b,
+            a / b,
+            -a,
+            a.abs().sqrt(),
+            a.min(b),
+            a.max(b),
+            a.copysign(b),
+            a * 2.0,
+            e,
+            m,
+            e.exp2_int(),
+            pick(a.lt(b)),
+            pick(a.le(b)),
+            pick(!(a.lt(b) | b.lt(a))),
+            pick(a.lt(b) & b.lt(F8::one())),
+        ]
+        .map(F8::to_array)
+        .to_vec()
+    }
+}
+
+#[test]
+fn every_level_agrees_with_scalar_arithmetic() {
+    let a = [1.5, -2.25, 1e-300, -7e200, 3.0, 0.125, -1.0, 1023.75];
+    let b = [2.5, -2.25, -1e300, 7e-200, -3.5, 8.0, 1.0, -0.001];
+    let scalar: Vec<Vec<f64>> = (0..8)
+        .map(|l| {
+            let (a, b) = (a[l], b[l]);
+            let (e, m) = Real::exponent_and_mantissa(a.abs());
+            let pick = |m: bool| f64::from(u8::from(m));
+            vec![
+                a + b,
+                a - b,
+                a * b,
+                a / b,
+                -a,
+                a.abs().sqrt(),
+                a.min(b),
+                a.max(b),
+                a.copysign(b),
+                a * 2.0,
+                e,
+                m,
+                e.exp2(),
+                pick(a < b),
+                pick(a <= b),
+                pick(a == b),
+                pick(a < b && b < 1.0),
+            ]
+        })
+        .collect();
+    for level in Level::available() {
+        let lanes = dispatch_at(level, Operations(&a, &b));
+        for (k, row) in lanes.iter().enumerate() {
+            for l in 0..8 {
+                assert_eq!(row[l].to_bits(), scalar[l][k].to_bits(), "{level:?}, operation {k}, lane {l}");
+            }
+        }
+    }
+}
+
+struct Ln<'a>(&'a [f64; 8]);
+
+impl Kernel for Ln<'_> {
+    type Output = [f64; 8];
+    #[inline(always)]
+    fn run<I: Isa>(self) -> [f64; 8] {
+        F8::<I>::load(self.0).ln().to_array()
+    }
+}
+
+#[test]
+fn ln_is_within_an_ulp_and_right_at_the_ends() {
+    let mut seed = 1u64;
+    let mut random = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 11) as f64 / (1u64 << 53) as f64
+    };
+    for level in Level::available() {
+        for round in 0..20_000 {
+            let x: [f64; 8] = std::array::from_fn(|_| match round % 3 {
+                0 => 0.5 + random(),
+                1 => (random() * 1400.0 - 700.0).exp(),
+                _ => 5e-324 + random() * 1e-310,
+            });
+            let y = dispatch_at(level, Ln(&x));
+            for l in 0..8 {
+                let want = x[l].ln();
+                assert!(
+                    (y[l] - want).abs() <= want.abs() * 2.3e-16 + 1e-320,
+                    "{level:?}: ln {:e} = {:e}, not {want:e}",
+                    x[l],
+                    y[l]
+                );
+            }
+        }
+        let ends =
+            dispatch_at(level, Ln(&[0.0, -1.0, f64::INFINITY, f64::NAN, 1.0, -0.0, f64::NEG_INFINITY, f64::MAX]));
+        assert_eq!(ends[0], f64::NEG_INFINITY);
+        assert!(ends[1].is_nan() && ends[3].is_nan() && ends[6].is_nan());
+        assert_eq!(ends[2], f64::INFINITY);
+        assert_eq!(ends[4], 0.0);
+        assert_eq!(ends[5], f64::NEG_INFINITY);
+        assert_eq!(ends[7], f64::MAX.ln());
+    }
+}
+
+struct Sums<'a>(&'a [f64; 8]);
+
+impl Kernel for Sums<'_> {
+    type Output = (f64, f64, f64, bool, bool, u32);
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Self::Output {
+        let a = F8::<I>::load(self.0);
+        let m = a.lt(F8::splat(3.5));
+        (a.sum(), a.max_lane(), a.min_lane(), m.any(), m.all(), m.count())
+    }
+}
+
+#[test]
+fn reductions_and_masks() {
+    for level in Level::available() {
+        let r = dispatch_at(level, Sums(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]));
+        assert_eq!(r, (36.0, 8.0, 1.0, true, false, 3));
+    }
+}
