@@ -1,1 +1,3 @@
 //! Energies, constraint sets and element batches of Proxel.
+
+pub mod energy;
