@@ -1,1 +1,23 @@
 //! Meshes of Proxel: topology, file formats, generators, checks.
+//!
+//! A [`Mesh`] is what a file says, 0-based and in file order; nothing is renumbered, merged or
+//! repaired behind the user's back. [`read_mesh`] and [`write_mesh`] pick the format by extension,
+//! [`check`] finds what is wrong with a mesh, [`topology`] who touches whom, [`refine`] splits
+//! elements and [`generate`] makes meshes without files.
+
+pub mod check;
+mod error;
+mod fields;
+pub mod generate;
+mod io;
+mod mesh;
+pub mod refine;
+pub mod topology;
+mod vec3;
+
+pub use error::{ErrorKind, Item, MeshError, Result};
+pub use fields::{Field, Fields};
+pub use io::{
+    Format, atomic_write, check_writable, not_carried, read_mesh, read_mesh_lenient, read_points, write_mesh,
+};
+pub use mesh::{Mesh, Polygons};

@@ -1,0 +1,9 @@
+//! What is wrong with a mesh: exact orientation, shape quality, and a full diagnosis.
+
+mod orientation;
+
+pub(crate) use orientation::corners;
+pub use orientation::{
+    SLIVER_MEAN_RATIO, TetCheck, TriangleCheck, centroid, check_tets, check_triangles, fix_orientation, mean_ratio,
+    require_areas, require_volumes, volume,
+};

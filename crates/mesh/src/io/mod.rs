@@ -1,0 +1,210 @@
+//! Reading and writing by extension.
+
+mod atomic;
+mod npy;
+mod obj;
+mod tetgen;
+mod text;
+
+use std::borrow::Cow;
+use std::fs;
+use std::io::{self, Write};
+use std::path::Path;
+
+pub use atomic::{atomic_write, check_writable};
+
+use crate::error::{ErrorKind, MeshError, Result};
+use crate::fields::Fields;
+use crate::mesh::{Mesh, Polygons};
+use crate::topology;
+use atomic::Staged;
+
+/// The file formats, named by extension.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Format {
+    /// TetGen and Triangle `.node` and `.ele`.
+    TetGen,
+    /// Wavefront `.obj`.
+    Obj,
+    /// NumPy `.npy`: positions only.
+    Npy,
+}
+
+/// What an unknown extension is answered with.
+const KNOWN: &str = "use .node/.ele, .mesh, .msh, .vtk, .vtu, .obj, .ply, .stl, .off or .npy";
+
+impl Format {
+    /// The format that the extension of `path` names, in either case.
+    ///
+    /// # Errors
+    /// [`ErrorKind::UnknownFormat`] listing the extensions that there are.
+    pub fn from_path(path: &Path) -> Result<Format> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        Ok(match extension.as_deref() {
+            Some("node" | "ele") => Format::TetGen,
+            Some("obj") => Format::Obj,
+            Some("npy") => Format::Npy,
+            _ => {
+                let what = match &extension {
+                    Some(e) => format!("unknown extension `.{e}`"),
+                    None => "a name without extension".to_owned(),
+                };
+                return Err(MeshError::new(ErrorKind::UnknownFormat, display(path), what, KNOWN));
+            }
+        })
+    }
+
+    /// As [`from_path`](Self::from_path), where a stem without extension (`body` or `body.1`) stands
+    /// for the TetGen pair that lies there.
+    fn of_input(path: &Path) -> Result<Format> {
+        Format::from_path(path).or_else(|e| {
+            let (node, _) = tetgen::pair(path);
+            if node.is_file() { Ok(Format::TetGen) } else { Err(e) }
+        })
+    }
+}
+
+/// Reads a mesh; the extension names the format. For TetGen either file of the pair or its stem.
+///
+/// The mesh has at least one vertex and one element, finite coordinates, indices in range and no
+/// element that uses a vertex twice. Volumes are not looked at: [`crate::check`] does that.
+///
+/// # Errors
+/// Whatever the file violates, in one line with file, place and remedy.
+pub fn read_mesh(path: &Path) -> Result<Mesh> {
+    let mesh = read_mesh_lenient(path)?;
+    if mesh.tets.is_empty() && mesh.faces.is_empty() && mesh.edges.is_empty() {
+        return Err(mesh.error(ErrorKind::Empty, "no elements", "give a mesh with tetrahedra, faces or edges"));
+    }
+    mesh.check_repeated()?;
+    Ok(mesh)
+}
+
+/// As [`read_mesh`], but lets through what can be held in memory and examined: no elements,
+/// elements that use a vertex twice.
+///
+/// # Errors
+/// As [`read_mesh`], less those two.
+pub fn read_mesh_lenient(path: &Path) -> Result<Mesh> {
+    let format = Format::of_input(path)?;
+    let file = display(path);
+    let mesh = match format {
+        Format::TetGen => tetgen::read(path)?,
+        Format::Npy => {
+            return Err(MeshError::new(
+                ErrorKind::Unsupported,
+                file,
+                "a .npy file holds positions without elements",
+                "give a mesh file here",
+            ));
+        }
+        Format::Obj => obj::parse(&file, &read_bytes(path)?)?,
+    };
+    mesh.check_indices()?;
+    Ok(mesh)
+}
+
+/// Reads positions only, from a mesh file of any format (of a TetGen pair only `.node` is needed)
+/// or an (n, 3) `.npy` array.
+///
+/// # Errors
+/// As [`read_mesh`]; elements, where the format has them, must still be well-formed.
+pub fn read_points(path: &Path) -> Result<Vec<[f64; 3]>> {
+    let points = match Format::of_input(path)? {
+        Format::TetGen => tetgen::read_nodes(path)?.points,
+        Format::Npy => npy::parse_points(&display(path), &read_bytes(path)?)?,
+        _ => return read_mesh_lenient(path).map(|m| m.points),
+    };
+    if points.is_empty() {
+        let (what, remedy) = ("no vertices", "give a file with vertices");
+        return Err(MeshError::new(ErrorKind::Empty, display(path), what, remedy));
+    }
+    Ok(points)
+}
+
+/// Writes a mesh, whole or not at all; the extension names the format.
+///
+/// Vertices keep their order and number in every format but STL, text has 17 significant digits,
+/// a TetGen pair (both files, whichever was named) keeps the index base. Surface formats get the
+/// faces, of a body without faces its boundary. `fields` go where the format takes them; what a
+/// format cannot carry is listed by [`not_carried`].
+///
+/// # Errors
+/// Elements that the format cannot hold at all, or a path that cannot be written.
+pub fn write_mesh(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<()> {
+    let format = Format::from_path(path)?;
+    mesh.check_indices()?;
+    fields.check(mesh)?;
+    match format {
+        Format::TetGen => {
+            let (node, ele) = tetgen::pair(path);
+            if mesh.tets.is_empty() && !mesh.faces.is_empty() {
+                require_triangles(path, mesh)?;
+            }
+            let nodes = Staged::write(&node, |w| tetgen::write_nodes(mesh, w))?;
+            if mesh.tets.is_empty() && mesh.faces.is_empty() {
+                return nodes.publish();
+            }
+            let elements = Staged::write(&ele, |w| tetgen::write_elements(mesh, w))?;
+            nodes.publish()?;
+            elements.publish()
+        }
+        Format::Obj => atomic_write(path, |w| obj::write(mesh, w)),
+        Format::Npy => atomic_write(path, |w| npy::write_points(&mesh.points, w)),
+    }
+}
+
+/// What of this mesh and its arrays the format of `path` does not carry, in words; empty if the
+/// file holds everything.
+pub fn not_carried(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<Vec<&'static str>> {
+    let format = Format::from_path(path)?;
+    let mut lost = Vec::new();
+    let mut check = |present: bool, carried: bool, what| {
+        if present && !carried {
+            lost.push(what);
+        }
+    };
+    use Format::{Npy, Obj, TetGen};
+    let surface_only = matches!(format, Obj);
+    let no_regions = matches!(format, Obj | Npy);
+    check(!mesh.tets.is_empty(), !surface_only && format != Npy, "tetrahedra");
+    check(!mesh.faces.is_empty(), format != Npy && (format != TetGen || mesh.tets.is_empty()), "faces");
+    check(!mesh.edges.is_empty(), !matches!(format, TetGen | Npy), "edges");
+    check(mesh.tet_regions.is_some() || mesh.face_regions.is_some(), !no_regions, "regions");
+    check(!fields.is_empty(), false, "arrays");
+    Ok(lost)
+}
+
+fn require_triangles(path: &Path, mesh: &Mesh) -> Result<()> {
+    match mesh.faces.iter().position(|p| p.len() != 3) {
+        None => Ok(()),
+        Some(i) => Err(MeshError::new(
+            ErrorKind::Unsupported,
+            display(path),
+            format!("its format has no polygons, and face {i} has {} vertices", mesh.faces.get(i).len()),
+            "write .obj, .ply, .off, .vtk or .vtu",
+        )),
+    }
+}
+
+/// The faces that a surface format gets.
+pub(crate) fn surface_faces(mesh: &Mesh) -> Cow<'_, Polygons> {
+    if mesh.faces.is_empty() && !mesh.tets.is_empty() {
+        Cow::Owned(topology::surface(mesh))
+    } else {
+        Cow::Borrowed(&mesh.faces)
+    }
+}
+
+pub(crate) fn display(path: &Path) -> String {
+    path.display().to_string()
+}
+
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
+    let io_error = |e: io::Error| MeshError::io(path, "read", &e);
+    if fs::metadata(path).map_err(io_error)?.is_dir() {
+        return Err(MeshError::new(ErrorKind::Io, display(path), "it is a folder", "name a file"));
+    }
+    fs::read(path).map_err(io_error)
+}

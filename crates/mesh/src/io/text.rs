@@ -1,0 +1,406 @@
+//! Lines, words and numbers of text files, with errors that name the line.
+
+use std::io::{self, Write};
+
+use crate::error::{ErrorKind, Item, MeshError, Result};
+
+/// A cursor over a text file. It hands out lines (formats where a line is a record) or words
+/// (formats where white space is all the same); both count lines for messages.
+#[derive(Clone)]
+pub(crate) struct Text<'a> {
+    file: &'a str,
+    data: &'a [u8],
+    pos: usize,
+    line: usize,
+}
+
+/// One line, comment cut off, with at least one word.
+#[derive(Clone)]
+pub(crate) struct Line<'a> {
+    file: &'a str,
+    /// 1-based.
+    pub number: usize,
+    rest: &'a [u8],
+}
+
+fn is_space(b: u8) -> bool {
+    matches!(b, b' ' | b'\t' | b'\r' | b'\n' | 0x0b | 0x0c)
+}
+
+impl<'a> Text<'a> {
+    /// # Errors
+    /// [`ErrorKind::Malformed`] if the beginning is no text.
+    pub fn new(file: &'a str, data: &'a [u8]) -> Result<Self> {
+        let data = data.strip_prefix(b"\xef\xbb\xbf").unwrap_or(data);
+        if data.iter().take(1024).any(|&b| b == 0) {
+            return Err(MeshError::new(
+                ErrorKind::Malformed,
+                file,
+                "binary data where text is expected",
+                "check that the extension names the true format",
+            ));
+        }
+        Ok(Text { file, data, pos: 0, line: 1 })
+    }
+
+    /// A cursor over text inside a file whose beginning was checked already.
+    pub fn embedded(file: &'a str, data: &'a [u8], pos: usize, line: usize) -> Self {
+        Text { file, data, pos, line }
+    }
+
+    /// The position, in bytes from the start of `data`.
+    pub fn position(&self) -> usize {
+        self.pos
+    }
+
+    /// The 1-based number of the current line.
+    pub fn line_number(&self) -> usize {
+        self.line
+    }
+
+    /// The next line that holds more than white space and a `#` comment. A backslash at the very
+    /// end joins a line with the following one.
+    pub fn next_line(&mut self) -> Option<Line<'a>> {
+        while self.pos < self.data.len() {
+            let (start, number) = (self.pos, self.line);
+            let end = loop {
+                let rest = &self.data[self.pos..];
+                let eol = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
+                let end = self.pos + eol;
+                self.pos = (end + 1).min(self.data.len());
+                self.line += 1;
+                let joined = self.data[start..end].trim_ascii_end().ends_with(b"\\");
+                if !joined || self.pos >= self.data.len() {
+                    break end;
+                }
+            };
+            let text = &self.data[start..end];
+            let text = &text[..text.iter().position(|&b| b == b'#').unwrap_or(text.len())];
+            if text.iter().any(|&b| !is_space(b)) {
+                return Some(Line { file: self.file, number, rest: text });
+            }
+        }
+        None
+    }
+
+    /// The next line, or the error that the file ended before `what`.
+    pub fn expect_line(&mut self, what: impl FnOnce() -> String) -> Result<Line<'a>> {
+        self.next_line().ok_or_else(|| self.truncated(what()))
+    }
+
+    /// The next word, across line breaks and `#` comments.
+    pub fn next_word(&mut self) -> Option<&'a [u8]> {
+        loop {
+            while let Some(&b) = self.data.get(self.pos) {
+                if !is_space(b) {
+                    break;
+                }
+                self.line += usize::from(b == b'\n');
+                self.pos += 1;
+            }
+            if self.data.get(self.pos)? == &b'#' {
+                let rest = &self.data[self.pos..];
+                self.pos += rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
+                continue;
+            }
+            let rest = &self.data[self.pos..];
+            let len = rest.iter().position(|&b| is_space(b)).unwrap_or(rest.len());
+            self.pos += len;
+            return Some(&rest[..len]);
+        }
+    }
+
+    /// The next word without moving on.
+    pub fn peek_word(&self) -> Option<&'a [u8]> {
+        self.clone().next_word()
+    }
+
+    /// The next word, or the error that the file ended before `what`.
+    pub fn expect_word(&mut self, what: &str) -> Result<&'a [u8]> {
+        self.next_word().ok_or_else(|| self.truncated(what))
+    }
+
+    /// The next word as an integer.
+    pub fn expect_int(&mut self, what: &str) -> Result<i64> {
+        let word = self.expect_word(what)?;
+        parse_int(word).ok_or_else(|| self.not_a_number(word, what))
+    }
+
+    /// The next word as any number.
+    pub fn expect_f64(&mut self, what: &str) -> Result<f64> {
+        let word = self.expect_word(what)?;
+        parse_f64(word).ok_or_else(|| self.not_a_number(word, what))
+    }
+
+    /// The next word as a coordinate of vertex `i`: finite.
+    pub fn expect_coordinate(&mut self, i: usize) -> Result<f64> {
+        let word = self.expect_word("a coordinate")?;
+        coordinate(self.file, self.line, word, i)
+    }
+
+    /// The next word as an index of a vertex, not yet held against the number of vertices.
+    pub fn expect_vertex(&mut self, base: u32, item: Item) -> Result<u32> {
+        let index = self.expect_int("a vertex index")?;
+        vertex_index(index, base).map_err(|e| e.into_error(self.file).at_line(self.line).at_item(item))
+    }
+
+    /// The next word as a count of things that take at least `min_bytes` each: refused where the
+    /// rest of the file cannot hold them, so that nobody allocates for a false claim.
+    pub fn expect_count(&mut self, what: &str, min_bytes: usize) -> Result<usize> {
+        let count = self.expect_int(&format!("the number of {what}"))?;
+        self.claim(count, what, min_bytes)
+    }
+
+    /// Holds a count against the rest of the file, as [`expect_count`](Self::expect_count) does.
+    pub fn claim(&self, count: i64, what: &str, min_bytes: usize) -> Result<usize> {
+        let room = (self.data.len() - self.pos + 1) / min_bytes.max(1);
+        match usize::try_from(count) {
+            Ok(n) if n <= room => Ok(n),
+            Ok(n) => Err(self.error(
+                ErrorKind::OversizedClaim,
+                format!("{n} {what} are announced, but the rest of the file holds at most {room}"),
+                "the count is wrong or the file is truncated",
+            )),
+            Err(_) => Err(self.error(
+                ErrorKind::CountMismatch,
+                format!("the number of {what} is {count}"),
+                "give a count of zero or more",
+            )),
+        }
+    }
+
+    /// An error at the current line.
+    pub fn error(&self, kind: ErrorKind, what: impl Into<String>, remedy: &str) -> MeshError {
+        MeshError::new(kind, self.file, what, remedy).at_line(self.line)
+    }
+
+    /// The error that a word is no number.
+    pub fn not_a_number(&self, word: &[u8], what: &str) -> MeshError {
+        not_a_number(self.file, self.line, word, what)
+    }
+
+    /// The error that the file ended too early.
+    pub fn truncated(&self, what: impl AsRef<str>) -> MeshError {
+        MeshError::new(
+            ErrorKind::Truncated,
+            self.file,
+            format!("the file ends before {}", what.as_ref()),
+            "it is truncated: write or copy it again",
+        )
+    }
+}
+
+impl<'a> Iterator for Line<'a> {
+    type Item = &'a [u8];
+
+    /// The next word of the line.
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let blank = |b: &u8| is_space(*b) || *b == b'\\';
+        let start = self.rest.iter().position(|b| !blank(b))?;
+        let rest = &self.rest[start..];
+        let len = rest.iter().position(|b| blank(b)).unwrap_or(rest.len());
+        let (word, rest) = rest.split_at(len);
+        self.rest = rest;
+        Some(word)
+    }
+}
+
+impl Line<'_> {
+    /// The next word as an integer.
+    pub fn int(&mut self, what: &str) -> Result<i64> {
+        let word = self.next().ok_or_else(|| self.missing(what))?;
+        parse_int(word).ok_or_else(|| self.not_a_number(word, what))
+    }
+
+    /// The next word as an integer, or `default` at the end of the line.
+    pub fn int_or(&mut self, default: i64, what: &str) -> Result<i64> {
+        match self.next() {
+            None => Ok(default),
+            Some(word) => parse_int(word).ok_or_else(|| self.not_a_number(word, what)),
+        }
+    }
+
+    /// The next word as a coordinate of vertex `i`.
+    pub fn coordinate(&mut self, i: usize) -> Result<f64> {
+        let word = self.next().ok_or_else(|| self.missing("a coordinate").at_item(Item::Vertex(i)))?;
+        coordinate(self.file, self.number, word, i)
+    }
+
+    /// The next word as a vertex index of an element over `n` vertices numbered from `base`.
+    pub fn vertex(&mut self, base: u32, n: usize, item: Item) -> Result<u32> {
+        let index = self.int("a vertex index").map_err(|e| e.at_item(item))?;
+        let at = |e: BadIndex| e.into_error(self.file).at_line(self.number).at_item(item);
+        let v = vertex_index(index, base).map_err(at)?;
+        if (v as usize) < n { Ok(v) } else { Err(at(BadIndex::Large { index, base, n })) }
+    }
+
+    /// Checks that nothing but numbers follows (attributes, markers, colours that we skip).
+    pub fn only_numbers_follow(&mut self) -> Result<()> {
+        while let Some(word) = self.next() {
+            if parse_f64(word).is_none() {
+                return Err(self.not_a_number(word, "an attribute"));
+            }
+        }
+        Ok(())
+    }
+
+    /// An error at this line.
+    pub fn error(&self, kind: ErrorKind, what: impl Into<String>, remedy: &str) -> MeshError {
+        MeshError::new(kind, self.file, what, remedy).at_line(self.number)
+    }
+
+    /// The error that the line ended too early.
+    pub fn missing(&self, what: &str) -> MeshError {
+        self.error(
+            ErrorKind::Truncated,
+            format!("the line ends before {what}"),
+            "complete the line; the file may be truncated",
+        )
+    }
+
+    /// The error that a word is no number.
+    pub fn not_a_number(&self, word: &[u8], what: &str) -> MeshError {
+        not_a_number(self.file, self.number, word, what)
+    }
+}
+
+/// Why a number is no vertex index.
+pub(crate) enum BadIndex {
+    /// Below zero.
+    Negative { index: i64 },
+    /// Below the base.
+    Small { index: i64, base: u32 },
+    /// Past the last vertex.
+    Large { index: i64, base: u32, n: usize },
+    /// Past what 32 bits hold.
+    Huge { index: i64 },
+}
+
+impl BadIndex {
+    pub fn into_error(self, file: &str) -> MeshError {
+        match self {
+            BadIndex::Negative { index } => MeshError::new(
+                ErrorKind::NegativeIndex,
+                file,
+                format!("vertex index {index} is negative"),
+                "correct the index",
+            ),
+            BadIndex::Small { index, base } => MeshError::new(
+                ErrorKind::IndexOutOfRange,
+                file,
+                format!("vertex index {index} is out of range, vertices are numbered from {base}"),
+                "correct the index",
+            ),
+            BadIndex::Large { index, base, n } => MeshError::new(
+                ErrorKind::IndexOutOfRange,
+                file,
+                format!(
+                    "vertex index {index} is out of range, the {n} vertices are numbered {base} to {}",
+                    n as i128 + i128::from(base) - 1
+                ),
+                "correct the index or add the missing vertices",
+            ),
+            BadIndex::Huge { index } => MeshError::new(
+                ErrorKind::IndexOutOfRange,
+                file,
+                format!("vertex index {index} is out of range, no index may exceed 4294967294"),
+                "correct the index",
+            ),
+        }
+    }
+}
+
+/// A number of a file, counted from `base`, as a 0-based index.
+pub(crate) fn vertex_index(index: i64, base: u32) -> std::result::Result<u32, BadIndex> {
+    if index < 0 {
+        return Err(BadIndex::Negative { index });
+    }
+    if index < i64::from(base) {
+        return Err(BadIndex::Small { index, base });
+    }
+    match u32::try_from(index - i64::from(base)) {
+        Ok(v) if v < u32::MAX => Ok(v),
+        _ => Err(BadIndex::Huge { index }),
+    }
+}
+
+fn coordinate(file: &str, line: usize, word: &[u8], i: usize) -> Result<f64> {
+    match parse_f64(word) {
+        Some(x) if x.is_finite() => Ok(x),
+        Some(_) => Err(MeshError::new(
+            ErrorKind::NonFinite,
+            file,
+            format!("coordinate {} is not finite", show(word)),
+            "replace it by a finite number",
+        )
+        .at_line(line)
+        .at_item(Item::Vertex(i))),
+        None => Err(not_a_number(file, line, word, "a coordinate").at_item(Item::Vertex(i))),
+    }
+}
+
+fn not_a_number(file: &str, line: usize, word: &[u8], what: &str) -> MeshError {
+    let what = format!("{} is no number where {what} is expected", show(word));
+    MeshError::new(ErrorKind::NotANumber, file, what, "correct the word").at_line(line)
+}
+
+/// A word of the file as it may stand in a message: quoted, escaped, short.
+pub(crate) fn show(word: &[u8]) -> String {
+    const LONGEST: usize = 32;
+    let cut = &word[..word.len().min(LONGEST)];
+    let dots = if word.len() > LONGEST { "..." } else { "" };
+    format!("`{}{dots}`", cut.escape_ascii())
+}
+
+/// A decimal integer with an optional sign; `None` for anything else.
+pub(crate) fn parse_int(word: &[u8]) -> Option<i64> {
+    // The hot case, a handful of digits, without the detour over UTF-8.
+    if !word.is_empty() && word.len() <= 18 && word.iter().all(u8::is_ascii_digit) {
+        return Some(word.iter().fold(0, |n, &d| n * 10 + i64::from(d - b'0')));
+    }
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// A decimal number, correctly rounded; also `nan` and `inf`, which callers refuse by name.
+pub(crate) fn parse_f64(word: &[u8]) -> Option<f64> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// Writes `x y z` with 17 significant digits, from which every f64 comes back bit for bit.
+pub(crate) fn write_point(w: &mut dyn Write, p: &[f64; 3]) -> io::Result<()> {
+    write!(w, "{:.16e} {:.16e} {:.16e}", p[0], p[1], p[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_skip_comments_and_join_at_backslashes() {
+        let mut t = Text::new("f", b"\xef\xbb\xbf# c\n\n a b # x\r\nc \\\nd\ne").unwrap();
+        let mut lines = Vec::new();
+        while let Some(l) = t.next_line() {
+            lines.push((l.number, l.map(|w| w.escape_ascii().to_string()).collect::<Vec<_>>()));
+        }
+        let words = |s: &str| s.split(' ').map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(lines, [(3, words("a b")), (4, words("c d")), (6, words("e"))]);
+    }
+
+    #[test]
+    fn words_cross_lines_and_count_them() {
+        let mut t = Text::new("f", b"1 #x\n 2.5\nnan").unwrap();
+        assert_eq!(t.expect_int("n").unwrap(), 1);
+        assert_eq!(t.expect_coordinate(0).unwrap(), 2.5);
+        let e = t.expect_coordinate(4).unwrap_err();
+        assert_eq!((e.kind(), e.line(), e.item()), (ErrorKind::NonFinite, Some(3), Some(Item::Vertex(4))));
+        assert_eq!(t.expect_word("the end").unwrap_err().kind(), ErrorKind::Truncated);
+    }
+
+    #[test]
+    fn integers() {
+        assert_eq!(parse_int(b"-12"), Some(-12));
+        assert_eq!(parse_int(b"9223372036854775808"), None);
+        assert_eq!(parse_int(b"1.0"), None);
+        assert_eq!(parse_int(b""), None);
+    }
+}
