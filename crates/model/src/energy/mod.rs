@@ -13,15 +13,30 @@ mod dispatch;
 mod lame;
 mod newton;
 mod products;
+mod quadratic;
 mod symmetric;
 
-pub mod neo_hookean;
+mod arap;
+mod corotated;
+mod fixed_corotated;
+mod neo_hookean;
+mod spring;
+mod stable_neo_hookean;
+mod stvk;
+mod symmetric_dirichlet;
 
+pub use arap::Arap;
+pub use corotated::Corotated;
 pub use dispatch::{EnergyVisitor, UnknownEnergy, names, visit_1d, visit_2d, visit_3d};
+pub use fixed_corotated::FixedCorotated;
 pub use lame::{Lame, MaterialError};
 pub use neo_hookean::NeoHookean;
 pub use newton::newton_prox;
+pub use spring::Spring;
+pub use stable_neo_hookean::StableNeoHookean;
+pub use stvk::StVenantKirchhoff;
 pub use symmetric::largest_eigenvalue;
+pub use symmetric_dirichlet::SymmetricDirichlet;
 
 use proxel_linalg::simd::Real;
 
@@ -33,6 +48,13 @@ macro_rules! for_each_energy {
     ($callback:ident) => {
         $callback! {
             NeoHookean [1 2 3]
+            StableNeoHookean [1 2 3]
+            StVenantKirchhoff [1 2 3]
+            Corotated [1 2 3]
+            FixedCorotated [1 2 3]
+            Arap [1 2 3]
+            SymmetricDirichlet [1 2 3]
+            Spring [1]
         }
     };
 }

@@ -75,7 +75,7 @@ impl<const K: usize> Energy<K> for NeoHookean {
     #[inline(always)]
     fn hessian<T: Real>(&self, s: [T; K]) -> [[T; K]; K] {
         let (h1, h2) = self.volume_derivatives(product(&s));
-        hessian_with_volume(&s, h1, h2, |_| T::splat(self.mu))
+        hessian_with_volume(&s, h1, h2, T::splat(self.mu))
     }
 
     /// mu -+ h'(J) times the product of the other stretches.

@@ -58,18 +58,13 @@ pub(super) fn sum<T: Real, const K: usize>(s: &[T; K], f: impl Fn(T) -> T) -> T 
     q
 }
 
-/// The Hessian of diagonal(i) + h(J) from h' and h'': h'' c_i c_j + h' d^2 J / ds_i ds_j with c the cofactors.
+/// The Hessian of diagonal/2 |s|^2 + h(J) from h' and h'': h'' c_i c_j + h' d^2 J / ds_i ds_j with c the cofactors.
 #[inline(always)]
-pub(super) fn hessian_with_volume<T: Real, const K: usize>(
-    s: &[T; K],
-    h1: T,
-    h2: T,
-    diagonal: impl Fn(T) -> T,
-) -> [[T; K]; K] {
+pub(super) fn hessian_with_volume<T: Real, const K: usize>(s: &[T; K], h1: T, h2: T, diagonal: T) -> [[T; K]; K] {
     let c = cofactors(s);
     let mut h = [[T::zero(); K]; K];
     for i in 0..K {
-        h[i][i] = (h2 * c[i]).mul_add(c[i], diagonal(s[i]));
+        h[i][i] = (h2 * c[i]).mul_add(c[i], diagonal);
         for j in i + 1..K {
             h[i][j] = (h2 * c[i]).mul_add(c[j], h1 * product_without(s, i, j));
             h[j][i] = h[i][j];
