@@ -2,3 +2,4 @@
 //! and polar decompositions of small matrices in batches, sparse symmetric factorisation and triangular solves.
 
 pub mod simd;
+pub mod svd;

@@ -71,6 +71,10 @@ pub trait Isa: sealed::Sealed + Copy + Send + Sync + 'static {
     fn neg(a: Self::F) -> Self::F;
     /// Square root.
     fn sqrt(a: Self::F) -> Self::F;
+    /// 1 / a within two units in the last place, for 1e-300 <= |a| <= 1e300.
+    fn fast_recip(a: Self::F) -> Self::F;
+    /// 1 / sqrt(a) within two units in the last place, for 1e-300 <= a <= 1e300.
+    fn rsqrt(a: Self::F) -> Self::F;
     /// |a|
     fn abs(a: Self::F) -> Self::F;
     /// a < b ? a : b
@@ -158,6 +162,14 @@ impl Isa for Baseline {
     #[inline(always)]
     fn sqrt(a: Self::F) -> Self::F {
         each(a, f64::sqrt)
+    }
+    #[inline(always)]
+    fn fast_recip(a: Self::F) -> Self::F {
+        each(a, |a| 1.0 / a)
+    }
+    #[inline(always)]
+    fn rsqrt(a: Self::F) -> Self::F {
+        each(a, |a| 1.0 / a.sqrt())
     }
     #[inline(always)]
     fn abs(a: Self::F) -> Self::F {

@@ -170,6 +170,14 @@ impl<I: Isa> Real for F8<I> {
         F8(I::sqrt(self.0))
     }
     #[inline(always)]
+    fn fast_recip(self) -> Self {
+        F8(I::fast_recip(self.0))
+    }
+    #[inline(always)]
+    fn rsqrt(self) -> Self {
+        F8(I::rsqrt(self.0))
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         F8(I::abs(self.0))
     }

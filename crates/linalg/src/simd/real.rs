@@ -38,6 +38,11 @@ pub trait Real:
     fn mul_add(self, a: Self, b: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
+    /// 1 / self within two units in the last place, for 1e-300 <= |self| <= 1e300. Cheaper than [`Real::recip`] where
+    /// the instruction set has a first approximation. Outside that range the value is unspecified (NaN gives NaN).
+    fn fast_recip(self) -> Self;
+    /// 1 / sqrt(self) within two units in the last place, for 1e-300 <= self <= 1e300; outside as [`Real::fast_recip`].
+    fn rsqrt(self) -> Self;
     /// Absolute value.
     fn abs(self) -> Self;
     /// The smaller one.
@@ -120,6 +125,14 @@ impl Real for f64 {
     #[inline(always)]
     fn sqrt(self) -> f64 {
         f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn fast_recip(self) -> f64 {
+        1.0 / self
+    }
+    #[inline(always)]
+    fn rsqrt(self) -> f64 {
+        1.0 / f64::sqrt(self)
     }
     #[inline(always)]
     fn abs(self) -> f64 {

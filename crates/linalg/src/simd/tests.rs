@@ -139,3 +139,41 @@ fn reductions_and_masks() {
         assert_eq!(r, (36.0, 8.0, 1.0, true, false, 3));
     }
 }
+
+struct Reciprocals<'a>(&'a [f64; 8]);
+
+impl Kernel for Reciprocals<'_> {
+    type Output = ([f64; 8], [f64; 8]);
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Self::Output {
+        let a = F8::<I>::load(self.0);
+        (a.fast_recip().to_array(), a.abs().rsqrt().to_array())
+    }
+}
+
+#[test]
+fn reciprocals_are_within_two_units_in_the_last_place() {
+    let mut seed = 5u64;
+    let mut random = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 11) as f64 / (1u64 << 53) as f64
+    };
+    for level in Level::available() {
+        for round in 0..100_000 {
+            let a: [f64; 8] = std::array::from_fn(|l| {
+                let magnitude = if round % 2 == 0 { 0.5 + 2.0 * random() } else { (random() * 1380.0 - 690.0).exp() };
+                if l % 2 == 0 { magnitude } else { -magnitude }
+            });
+            let (recip, rsqrt) = dispatch_at(level, Reciprocals(&a));
+            for l in 0..8 {
+                let want = [1.0 / a[l], 1.0 / a[l].abs().sqrt()];
+                for (got, want) in [recip[l], rsqrt[l]].into_iter().zip(want) {
+                    let ulps = (got.to_bits() as i64 - want.to_bits() as i64).abs();
+                    assert!(ulps <= 2, "{level:?}, {:e}: {got:e}, not {want:e}", a[l]);
+                }
+            }
+        }
+        let (recip, rsqrt) = dispatch_at(level, Reciprocals(&[f64::NAN; 8]));
+        assert!(recip.iter().chain(&rsqrt).all(|v| v.is_nan()), "{level:?}");
+    }
+}

@@ -75,6 +75,28 @@ impl Isa for Avx512 {
         enabled!(_mm512_sqrt_pd(a))
     }
     #[inline(always)]
+    fn fast_recip(a: __m512d) -> __m512d {
+        // y (1 + e + e^2 + e^3) with e = 1 - a y, |e| <= 2^-14: what is left out is e^4 <= 2^-56.
+        enabled!({
+            let one = _mm512_set1_pd(1.0);
+            let y = _mm512_rcp14_pd(a);
+            let e = _mm512_fnmadd_pd(a, y, one);
+            let series = _mm512_fmadd_pd(_mm512_fmadd_pd(e, e, e), e, e);
+            _mm512_fmadd_pd(y, series, y)
+        })
+    }
+    #[inline(always)]
+    fn rsqrt(a: __m512d) -> __m512d {
+        // y (1 - e)^(-1/2) to e^3 with e = 1 - a y^2, |e| <= 2^-13: what is left out is 35/128 e^4 <= 2^-53.
+        enabled!({
+            let y = _mm512_rsqrt14_pd(a);
+            let e = _mm512_fnmadd_pd(_mm512_mul_pd(a, y), y, _mm512_set1_pd(1.0));
+            let series = _mm512_fmadd_pd(e, _mm512_set1_pd(0.3125), _mm512_set1_pd(0.375));
+            let series = _mm512_fmadd_pd(series, e, _mm512_set1_pd(0.5));
+            _mm512_fmadd_pd(_mm512_mul_pd(y, e), series, y)
+        })
+    }
+    #[inline(always)]
     fn abs(a: __m512d) -> __m512d {
         enabled!(_mm512_andnot_pd(_mm512_set1_pd(-0.0), a))
     }
@@ -195,6 +217,14 @@ impl Isa for Avx2 {
     #[inline(always)]
     fn sqrt(a: Halves) -> Halves {
         each(a, |a| enabled!(_mm256_sqrt_pd(a)))
+    }
+    #[inline(always)]
+    fn fast_recip(a: Halves) -> Halves {
+        each(a, |a| enabled!(_mm256_div_pd(_mm256_set1_pd(1.0), a)))
+    }
+    #[inline(always)]
+    fn rsqrt(a: Halves) -> Halves {
+        each(a, |a| enabled!(_mm256_div_pd(_mm256_set1_pd(1.0), _mm256_sqrt_pd(a))))
     }
     #[inline(always)]
     fn abs(a: Halves) -> Halves {

@@ -1,0 +1,46 @@
+//! The signed decomposition of 3x3 matrices.
+
+use super::Svd;
+use super::eigen::{Apart, apart};
+use super::frame::{apply, blend, choose, complete, cross, dot, from_columns, normalise, scale};
+use super::plane::svd2_scaled;
+use crate::simd::Real;
+
+/// A = U diag(s) V^T of a 3x3 matrix, U and V proper rotations, s[0] >= s[1] >= |s[2]|, and s[2] has the sign of det A.
+///
+/// |A - U diag(s) V^T| is a few machine epsilons times s[0], and so are the errors of the stretches.
+///
+/// Let w be the eigenvector of A^T A that stands apart ([`super::eigen`]), and (e, f) complete it.
+/// If it belongs to the largest stretch then z = A w / |A w|. If it belongs to the smallest then the other two stretches
+/// are at least s[0] / sqrt 3, and z is the unit vector along A e x A f. In both cases the rotations (z, p, q) and
+/// (w, e, f) take A to s_w next to a 2x2 matrix, up to machine precision.
+#[inline(always)]
+pub fn svd3<T: Real>(a: [[T; 3]; 3]) -> Svd<T, 3, 3> {
+    let scaled = scale(a);
+    let mut a = scaled.a;
+    // Zero counts as diag(1, 0, 0), and its stretches are multiplied by 0.
+    a[0][0] = T::select(scaled.zero, T::one(), a[0][0]);
+    let back = T::select(scaled.zero, T::zero(), scaled.back);
+
+    let [x, y, z] = from_columns(a);
+    let Apart { w, largest, .. } = apart([dot(x, x), dot(y, y), dot(z, z), dot(x, y), dot(x, z), dot(y, z)]);
+    let (e, f) = complete(w);
+    let (aw, ae, af) = (apply(&a, w), apply(&a, e), apply(&a, f));
+    let (z, _) = normalise(choose(largest, aw, cross(ae, af)));
+    let (p, q) = complete(z);
+    let (phi, rest, theta) = svd2_scaled([[dot(p, ae), dot(p, af)], [dot(q, ae), dot(q, af)]]);
+    let (u_high, u_low) = (blend(phi.c, p, phi.s, q), blend(phi.c, q, -phi.s, p));
+    let (v_high, v_low) = (blend(theta.c, e, theta.s, f), blend(theta.c, f, -theta.s, e));
+
+    // The maximum and minimum only undo rounding where stretches are equal.
+    let own = dot(z, aw);
+    let first = T::select(largest, own.max(rest[0]), rest[0]);
+    let second = T::select(largest, rest[0], rest[1]);
+    let third = T::select(largest, rest[1], own);
+    let third = third.abs().min(second).copysign(third);
+    Svd {
+        u: from_columns([choose(largest, z, u_high), choose(largest, u_high, u_low), choose(largest, u_low, z)]),
+        s: [first * back, second * back, third * back],
+        v: from_columns([choose(largest, w, v_high), choose(largest, v_high, v_low), choose(largest, v_low, w)]),
+    }
+}
