@@ -4,7 +4,7 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::mesh::Mesh;
-use crate::vec3::{V3, add, cross, det4, norm, sub};
+use crate::vec3::{Sum, V3, add, cross, det4, norm, sub};
 
 /// Below this mean ratio a tetrahedron counts as a sliver: nearly flat for its edge lengths.
 /// Real scans have them (volumes down to 5e-12 of the largest), so they are a warning only.
@@ -72,6 +72,7 @@ fn orientation([a, b, c, d]: [V3; 4], s: f64) -> i8 {
 /// Examines every tetrahedron. Indices must be in range.
 pub fn check_tets(points: &[[f64; 3]], tets: &[[u32; 4]]) -> TetCheck {
     let mut out = TetCheck::default();
+    let mut total = Sum::default();
     let s = unit_scale(points);
     for (i, &t) in tets.iter().enumerate() {
         let x = corners(points, t);
@@ -86,8 +87,9 @@ pub fn check_tets(points: &[[f64; 3]], tets: &[[u32; 4]]) -> TetCheck {
             out.volumes = (v, v);
         }
         out.volumes = (out.volumes.0.min(v), out.volumes.1.max(v));
-        out.total += v;
+        total.add(v);
     }
+    out.total = total.value();
     out
 }
 
@@ -154,6 +156,7 @@ pub struct TriangleCheck {
 /// Examines every triangle; areas are signed where `planar`. Indices must be in range.
 pub fn check_triangles(points: &[[f64; 3]], triangles: &[[u32; 3]], planar: bool) -> TriangleCheck {
     let mut out = TriangleCheck::default();
+    let mut total = Sum::default();
     let s = unit_scale(points);
     // A triangle in space is degenerate exactly if its three projections are.
     let flat = |[a, b, c]: [V3; 3], i: usize, j: usize| {
@@ -175,8 +178,9 @@ pub fn check_triangles(points: &[[f64; 3]], triangles: &[[u32; 3]], planar: bool
             out.areas = (area, area);
         }
         out.areas = (out.areas.0.min(area), out.areas.1.max(area));
-        out.total += area;
+        total.add(area);
     }
+    out.total = total.value();
     out
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::orientation::{corners, mean_ratio};
 use crate::topology::TET_FACES;
-use crate::vec3::{V3, cross, dot, norm, sub};
+use crate::vec3::{Sum, V3, cross, dot, norm, sub};
 
 /// The least, the mean and the greatest of many numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,11 +20,13 @@ pub struct Spread {
 impl Spread {
     /// `None` of nothing.
     pub fn of(numbers: impl IntoIterator<Item = f64>) -> Option<Spread> {
-        let (mut min, mut max, mut sum, mut n) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0u64);
+        let (mut min, mut max, mut n) = (f64::INFINITY, f64::NEG_INFINITY, 0u64);
+        let mut sum = Sum::default();
         for x in numbers {
-            (min, max, sum, n) = (min.min(x), max.max(x), sum + x, n + 1);
+            sum.add(x);
+            (min, max, n) = (min.min(x), max.max(x), n + 1);
         }
-        (n > 0).then(|| Spread { min, mean: sum / n as f64, max })
+        (n > 0).then(|| Spread { min, mean: sum.value() / n as f64, max })
     }
 }
 
