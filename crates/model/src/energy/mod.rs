@@ -136,7 +136,7 @@ pub trait Energy<const K: usize>: Clone + Send + Sync + 'static {
     /// depend on the other lanes.
     #[inline(always)]
     fn prox<T: Real>(&self, v: [T; K], k: T, warm: [T; K]) -> Prox<T, K> {
-        newton_prox(self, v, k, warm, T::zero().le(T::zero()))
+        newton_prox(self, v, k, newton::better_start(self, &v, k, &warm), T::zero().le(T::zero()))
     }
 
     /// The stiffness that psi shows at s: the largest eigenvalue of its Hessian there, negative ones counting as 0. W(20)
@@ -165,3 +165,6 @@ pub trait Energy<const K: usize>: Clone + Send + Sync + 'static {
         xy / xx
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
 //! Neo-Hookean elasticity with a logarithm that is extended through inversion.
 
 use super::products::{cofactors, hessian_with_volume, product, product_without, squared_norm};
-use super::{DividedDifferences, Energy, Lame, Prox, newton_prox};
+use super::{DividedDifferences, Energy, Lame, Prox, newton::better_start, newton_prox};
 use proxel_linalg::simd::{Mask, Real};
 
 /// Below this volume ratio the logarithm is replaced by its second-order expansion.
@@ -10,8 +10,8 @@ const LN_J0: f64 = -std::f64::consts::LN_10;
 
 /// Steps of the scalar equation before a lane is left to [`newton_prox`].
 const STEPS: usize = 24;
-/// A last step of this length in log J: the error left is its square.
-const LAST_STEP: f64 = 1e-8;
+/// The last step starts from a residual f of this size: Halley's method leaves about its cube.
+const LAST_RESIDUAL: f64 = 1e-6;
 
 /// psi(s) = mu/2 (|s|^2 - K) - mu L(J) + lambda/2 L(J)^2, J = s_1 .. s_K, where L(J) = log J for J > J0 = 0.1 and below
 /// its expansion log J0 + t - t^2/2, t = J/J0 - 1: finite everywhere, also through inversion.
@@ -91,30 +91,32 @@ impl<const K: usize> Energy<K> for NeoHookean {
     /// Where J >= J0, stationary points satisfy (mu + k) s_i^2 - k v_i s_i + c = 0 with c = lambda log J - mu. Given
     /// l = log J, the larger root s_i(l) falls with l, so f(l) = sum log s_i(l) - l = 0 has at most one solution;
     /// f is also concave, so that Newton's method overshoots at most once and is monotone then. That solution, a strict
-    /// local minimum, is the result whenever it exists and has J >= J0, whatever `warm` is. Otherwise
-    /// (`v` far inverted, or so large that one stretch collapses) [`newton_prox`] finds a local minimum with s >= 0.
+    /// local minimum, is the result whenever it exists and has J >= J0, whatever `warm` is, although where `v` is far
+    /// stretched a state with one smaller root, a collapsed stretch, may have a lower objective.
+    /// Where it has J < J0, [`newton_prox`] descends from it over s >= 0; where there is none (`v` so large that
+    /// a stretch does collapse), from the better of `warm` and `v`.
     #[inline(always)]
     fn prox<T: Real>(&self, v: [T; K], k: T, warm: [T; K]) -> Prox<T, K> {
-        if self.lambda < 0.0 {
-            return newton_prox(self, v, k, warm, T::zero().le(T::zero())); // f need not fall
+        let never = T::zero().lt(T::zero());
+        // With lambda < 0, f need not fall.
+        let (root, found) = if self.lambda < 0.0 { (warm, never) } else { self.larger_roots(v, k, warm) };
+        let above = found & product(&root).ge(T::splat(J0));
+        if above.all() {
+            return Prox { s: root, converged: above };
         }
-        let (s, converged) = self.above_j0(v, k, warm);
-        if converged.all() {
-            return Prox { s, converged };
-        }
-        let rest = newton_prox(self, v, k, warm, !converged);
-        let mut merged = s;
+        let mut start = better_start(self, &v, k, &warm);
         for i in 0..K {
-            merged[i] = T::select(converged, s[i], rest.s[i]);
+            start[i] = T::select(found, root[i], start[i]);
         }
-        Prox { s: merged, converged: converged | rest.converged }
+        let rest = newton_prox(self, v, k, start, !above); // start, which is root, in the other lanes
+        Prox { s: rest.s, converged: above | rest.converged }
     }
 }
 
 impl NeoHookean {
-    /// The stationary point with all larger roots and J >= J0, and where it was found.
+    /// The stationary point of all larger roots under log J without extension, and where it was found.
     #[inline(always)]
-    fn above_j0<T: Real, const K: usize>(&self, v: [T; K], k: T, warm: [T; K]) -> ([T; K], T::Mask) {
+    fn larger_roots<T: Real, const K: usize>(&self, v: [T; K], k: T, warm: [T; K]) -> ([T; K], T::Mask) {
         // Divided by mu + k: s^2 - 2 b s + c = 0, c = lambda l - mu.
         let inverse = (k + self.mu).recip();
         let (lambda, mu) = (inverse * self.lambda, inverse * self.mu);
@@ -135,21 +137,25 @@ impl NeoHookean {
         let mut done = T::zero().lt(T::zero());
         for _ in 0..STEPS {
             roots(&b, &b2, lambda.mul_add(l, -mu), &mut s, &mut r);
-            // d log s_i / dc = -1 / (2 r_i s_i); all over one denominator
-            let mut p = s;
+            // f' = -1 - lambda sum g_i, f'' = -lambda^2 sum dg_i/dc with
+            // g_i = -d log s_i / dc = 1 / (2 r_i s_i), dg_i / dc = (r_i + s_i) / (4 r_i^3 s_i^2)
+            let (mut g, mut g1) = (T::zero(), T::zero());
             for i in 0..K {
-                p[i] = r[i] * s[i];
-            }
-            let c = cofactors(&p);
-            let (all, mut each) = (product(&p), c[0]);
-            for i in 1..K {
-                each += c[i];
+                let u = (r[i] * s[i]).recip();
+                g += u;
+                g1 = (u * u * u).mul_add(s[i] * (r[i] + s[i]), g1);
             }
             let f = product(&s).ln() - l;
-            let step = f * all / (lambda * 0.5).mul_add(each, all);
+            let descent = (lambda * 0.5).mul_add(g, T::one()); // -f'
+            let curvature = lambda * lambda * g1 * 0.25; // -f''
+            let newton = f / descent;
+            // Halley's method: the step of Newton over 1 - t, t = f f'' / (2 f'^2); t is bounded far from the root.
+            let t = newton * curvature / descent * -0.5;
+            let step = newton / (-t.max(T::splat(-1.0)).min(T::splat(0.5)) + 1.0);
             let next = l + step;
-            let next = T::select(next.lt(l_max), next, (l_max - l).mul_add(T::splat(0.75), l));
-            let last = (next - l).abs().le(T::splat(LAST_STEP));
+            let inside = next.lt(l_max);
+            let next = T::select(inside, next, (l_max - l).mul_add(T::splat(0.75), l));
+            let last = inside & f.abs().le(T::splat(LAST_RESIDUAL));
             l = T::select(done, l, next);
             done = done | last;
             if done.all() {
@@ -157,7 +163,7 @@ impl NeoHookean {
             }
         }
         roots(&b, &b2, lambda.mul_add(l, -mu), &mut s, &mut r);
-        (s, done & l.ge(T::splat(LN_J0)))
+        (s, done)
     }
 }
 
@@ -195,7 +201,7 @@ mod tests {
         let e = NeoHookean { mu: 3_448_275.862, lambda: 31_034_482.76 };
         let k = Energy::<3>::slope_stiffness(&e);
         for v in [[1.0, 1.0, 1.0], [2.0, 1.0, 0.3], [0.5, 0.2, -0.4], [1.5, 1.4, 1.3], [-1.0, 0.3, 1.2]] {
-            let (s, done) = e.above_j0(v, k, [1.0; 3]);
+            let (s, done) = e.larger_roots(v, k, [1.0; 3]);
             assert!(done, "{v:?}");
             let newton = newton_prox(&e, v, k, [1.0; 3], true);
             assert!(newton.converged, "{v:?}");

@@ -14,28 +14,22 @@ const LAST_STEP: f64 = 1e-8;
 /// Stretches below this count as lying on the bound s >= 0 if the gradient pushes them there.
 const ON_BOUND: f64 = 1e-8;
 
-/// argmin psi(s) + k/2 |s - v|^2 in the lanes of `todo`, as told at [`Energy::prox`]; the others return `warm`,
-/// not converged.
+/// argmin psi(s) + k/2 |s - v|^2 in the lanes of `todo` by descent from `start`, with the tolerance told at
+/// [`Energy::prox`]; the other lanes return `start`, not converged. Where `start` is not admissible it is replaced by rest.
 ///
-/// Newton's method from the better of `warm` and `v`. Three safeguards:
-/// an indefinite Hessian is shifted until its least eigenvalue has changed sign, and near a saddle a direction of negative
-/// curvature is added; a step is halved until the objective decreases (Armijo); with a barrier no step
-/// goes further than 0.9 of the way to the border, with a bound it is projected (Bertsekas, "Projected Newton methods
-/// for optimization problems with simple constraints", 1982). A lane that has converged does not change any more.
+/// Newton's method with three safeguards: an indefinite Hessian is shifted until its least eigenvalue has changed sign,
+/// and near a saddle a direction of negative curvature is added; a step is halved until the objective decreases
+/// (Armijo); with a barrier no step goes further than 0.9 of the way to the border, with a bound it is projected
+/// (Bertsekas, "Projected Newton methods for optimization problems with simple constraints", 1982). A lane that has
+/// converged does not change any more.
 #[inline(always)]
-pub fn newton_prox<E, T, const K: usize>(energy: &E, v: [T; K], k: T, warm: [T; K], todo: T::Mask) -> Prox<T, K>
+pub fn newton_prox<E, T, const K: usize>(energy: &E, v: [T; K], k: T, start: [T; K], todo: T::Mask) -> Prox<T, K>
 where
     E: Energy<K>,
     T: Real,
 {
-    let objective = |s: &[T; K]| {
-        let mut d = *s;
-        for i in 0..K {
-            d[i] = s[i] - v[i];
-        }
-        (k * 0.5).mul_add(squared_norm(&d), energy.value(*s))
-    };
-    let (mut s, mut phi) = start(energy, &v, &warm, objective);
+    let mut s = admissible::<E, T, K>(&start);
+    let mut phi = objective(energy, &s, &v, k);
     // Differences of the objective below this are rounding.
     let noise = k * (squared_norm(&v) + 1.0) * 1e-13;
     let never = T::zero().lt(T::zero());
@@ -68,7 +62,7 @@ where
         let mut length = T::one();
         let mut last = definite;
         for i in 0..K {
-            let scale = if E::BARRIER { s[i] } else { s[i].abs().max(T::one()) };
+            let scale = if E::BARRIER { s[i] } else { s[i].abs().max(T::splat(1e-2)) };
             last = last & p[i].abs().le(scale * LAST_STEP);
             if E::BARRIER {
                 let room = s[i] * 0.9 / -p[i];
@@ -87,7 +81,7 @@ where
                 }
                 decrease = g[i].mul_add(trial[i] - s[i], decrease);
             }
-            let value = objective(&trial);
+            let value = objective(energy, &trial, &v, k);
             let accept = trying & (value.le(decrease.mul_add(T::splat(1e-4), phi + slack)) | last);
             for i in 0..K {
                 s[i] = T::select(accept, trial[i], s[i]);
@@ -107,33 +101,58 @@ where
     }
     let finite = phi.is_finite();
     for i in 0..K {
-        s[i] = T::select(todo, s[i], warm[i]);
+        s[i] = T::select(todo, s[i], start[i]);
     }
     Prox { s, converged: converged & finite }
 }
 
-/// The better of `warm` and `v`, both brought into the domain, and its objective.
+/// psi(s) + k/2 |s - v|^2
 #[inline(always)]
-fn start<E, T, const K: usize>(energy: &E, v: &[T; K], warm: &[T; K], objective: impl Fn(&[T; K]) -> T) -> ([T; K], T)
+fn objective<E, T, const K: usize>(energy: &E, s: &[T; K], v: &[T; K], k: T) -> T
 where
     E: Energy<K>,
     T: Real,
 {
-    let _ = energy;
-    let (mut a, mut b) = (*warm, *v);
+    let mut d = *s;
     for i in 0..K {
-        if E::PROX_POSITIVE {
-            a[i] = T::select(a[i].gt(T::zero()), a[i], T::one());
-            b[i] = b[i].max(T::splat(0.1));
-        }
-        a[i] = T::select(a[i].is_finite(), a[i], T::one());
+        d[i] = s[i] - v[i];
     }
-    let (at_a, at_b) = (objective(&a), objective(&b));
-    let second = at_b.lt(at_a) | !at_a.is_finite();
+    (k * 0.5).mul_add(squared_norm(&d), energy.value(*s))
+}
+
+/// `s` with stretches that are not finite, or not positive where they must be, replaced by 1.
+#[inline(always)]
+fn admissible<E, T, const K: usize>(s: &[T; K]) -> [T; K]
+where
+    E: Energy<K>,
+    T: Real,
+{
+    let mut a = *s;
+    for i in 0..K {
+        let good = if E::PROX_POSITIVE { s[i].gt(T::zero()) & s[i].is_finite() } else { s[i].is_finite() };
+        a[i] = T::select(good, s[i], T::one());
+    }
+    a
+}
+
+/// The better of `warm` and `v`, both brought into the domain: where [`newton_prox`] had best start.
+#[inline(always)]
+pub(super) fn better_start<E, T, const K: usize>(energy: &E, v: &[T; K], k: T, warm: &[T; K]) -> [T; K]
+where
+    E: Energy<K>,
+    T: Real,
+{
+    let mut a = admissible::<E, T, K>(warm);
+    let mut b = *v;
+    for i in 0..K {
+        b[i] = if E::PROX_POSITIVE { v[i].max(T::splat(0.1)) } else { v[i] };
+    }
+    let (at_a, at_b) = (objective(energy, &a, v, k), objective(energy, &b, v, k));
+    let second = at_b.lt(at_a);
     for i in 0..K {
         a[i] = T::select(second, b[i], a[i]);
     }
-    (a, T::select(second, at_b, at_a))
+    a
 }
 
 /// Takes the stretches that lie on the bound and are pushed against it out of the Newton system; they step to 0.
