@@ -141,17 +141,17 @@ impl NeoHookean {
             // g_i = -d log s_i / dc = 1 / (2 r_i s_i), dg_i / dc = (r_i + s_i) / (4 r_i^3 s_i^2)
             let (mut g, mut g1) = (T::zero(), T::zero());
             for i in 0..K {
-                let u = (r[i] * s[i]).recip();
+                let u = (r[i] * s[i]).fast_recip();
                 g += u;
                 g1 = (u * u * u).mul_add(s[i] * (r[i] + s[i]), g1);
             }
             let f = product(&s).ln() - l;
             let descent = (lambda * 0.5).mul_add(g, T::one()); // -f'
             let curvature = lambda * lambda * g1 * 0.25; // -f''
-            let newton = f / descent;
-            // Halley's method: the step of Newton over 1 - t, t = f f'' / (2 f'^2); t is bounded far from the root.
-            let t = newton * curvature / descent * -0.5;
-            let step = newton / (-t.max(T::splat(-1.0)).min(T::splat(0.5)) + 1.0);
+            // Halley's method, l - 2 f f' / (2 f'^2 - f f''), with f f'' bounded by f'^2 far from the root.
+            let square = descent * descent;
+            let bend = (f * curvature * 0.5).max(square * -0.5).min(square);
+            let step = f * descent / (square + bend);
             let next = l + step;
             let inside = next.lt(l_max);
             let next = T::select(inside, next, (l_max - l).mul_add(T::splat(0.75), l));
