@@ -49,8 +49,8 @@ trait Decomposition {
     const IN: usize;
     /// Components of each output; 0 where there is no third one.
     const OUT: [usize; 3];
-    /// Reads component c by `get(c)` and writes component c of output k by `put(k, c, value)`.
-    fn block<T: Real>(get: impl Fn(usize) -> T, put: impl FnMut(usize, usize, T));
+    /// Decomposes one block.
+    fn block<I: Isa>(input: &[f64], out: [&mut [f64]; 3]);
 }
 
 /// A = U diag(s) V^T, as outputs u, s, v.
@@ -65,12 +65,11 @@ macro_rules! singular {
             const IN: usize = $rows * $cols;
             const OUT: [usize; 3] = [$rows * $rows, $cols, $cols * $cols];
             #[inline(always)]
-            fn block<T: Real>(get: impl Fn(usize) -> T, mut put: impl FnMut(usize, usize, T)) {
-                let a: [[T; $cols]; $rows] = std::array::from_fn(|r| std::array::from_fn(|c| get($cols * r + c)));
-                let Svd { u, s, v } = $svd(a);
-                put_all(&mut put, 0, u);
-                put_all(&mut put, 1, [s]);
-                put_all(&mut put, 2, v);
+            fn block<I: Isa>(input: &[f64], out: [&mut [f64]; 3]) {
+                let Svd { u, s, v } = $svd(load::<I, $rows, $cols>(input));
+                store(u, out[0]);
+                store([s], out[1]);
+                store(v, out[2]);
             }
         }
     };
@@ -87,10 +86,11 @@ macro_rules! symmetric {
             const IN: usize = $components;
             const OUT: [usize; 3] = [$n * $n, $n, 0];
             #[inline(always)]
-            fn block<T: Real>(get: impl Fn(usize) -> T, mut put: impl FnMut(usize, usize, T)) {
-                let Eigen { q, lambda } = $eigen(std::array::from_fn(get));
-                put_all(&mut put, 0, q);
-                put_all(&mut put, 1, [lambda]);
+            fn block<I: Isa>(input: &[f64], out: [&mut [f64]; 3]) {
+                let [components] = load::<I, 1, $components>(input);
+                let Eigen { q, lambda } = $eigen(components);
+                store(q, out[0]);
+                store([lambda], out[1]);
             }
         }
     };
@@ -98,11 +98,24 @@ macro_rules! symmetric {
 symmetric!(3 6 eig3_sym);
 symmetric!(2 3 eig2_sym);
 
+/// A block as a matrix.
 #[inline(always)]
-fn put_all<T: Real, const R: usize, const C: usize>(put: &mut impl FnMut(usize, usize, T), k: usize, m: [[T; C]; R]) {
+fn load<I: Isa, const R: usize, const C: usize>(from: &[f64]) -> [[F8<I>; C]; R] {
+    let mut m = [[F8::zero(); C]; R];
     for r in 0..R {
         for c in 0..C {
-            put(k, C * r + c, m[r][c]);
+            m[r][c] = F8::load_at(from, C * r + c);
+        }
+    }
+    m
+}
+
+/// A matrix as a block.
+#[inline(always)]
+fn store<I: Isa, const R: usize, const C: usize>(m: [[F8<I>; C]; R], to: &mut [f64]) {
+    for r in 0..R {
+        for c in 0..C {
+            m[r][c].store_at(to, C * r + c);
         }
     }
 }
@@ -120,20 +133,16 @@ impl<D: Decomposition> Kernel for Chunk<'_, D> {
     fn run<I: Isa>(self) {
         let [one, two, three] = self.out;
         for (block, input) in self.input.chunks_exact(D::IN * LANES).enumerate() {
-            let [one, two, three] = [(&mut *one, 0), (&mut *two, 1), (&mut *three, 2)].map(|(out, k)| {
-                let size = D::OUT[k] * LANES;
-                &mut out[block * size..(block + 1) * size]
-            });
-            D::block::<F8<I>>(
-                |c| F8::load_at(input, c),
-                |k, c, value| match k {
-                    0 => value.store_at(one, c),
-                    1 => value.store_at(two, c),
-                    _ => value.store_at(three, c),
-                },
-            );
+            let out = [part(one, block, D::OUT[0]), part(two, block, D::OUT[1]), part(three, block, D::OUT[2])];
+            D::block::<I>(input, out);
         }
     }
+}
+
+/// A block of this many components.
+#[inline(always)]
+fn part(out: &mut [f64], block: usize, components: usize) -> &mut [f64] {
+    &mut out[block * components * LANES..(block + 1) * components * LANES]
 }
 
 fn run<D: Decomposition>(

@@ -1,7 +1,7 @@
 //! Eigen-decomposition of symmetric 3x3 and 2x2 matrices without iteration.
 
 use super::Eigen;
-use super::frame::{apply, blend, choose, complete, dot, from_columns, scale};
+use super::frame::{apply, blend, choose, complete, dot, from_columns, scale, times};
 use super::plane::half_angle;
 use crate::simd::Real;
 
@@ -31,16 +31,22 @@ fn separated_root<T: Real>(h: T) -> T {
         -1.611_555_014_603_69e-10,
         5.043_690_901_967_186e-11,
     ];
-    // Estrin's scheme: five levels instead of a chain of seventeen.
+    // Estrin's scheme: six levels instead of a chain of seventeen.
     let t = h * 2.0 - 1.0;
+    let mut level = [T::zero(); 9];
+    for k in 0..9 {
+        level[k] = t.mul_add(T::splat(C[2 * k + 1]), T::splat(C[2 * k]));
+    }
     let t2 = t * t;
+    for k in 0..4 {
+        level[k] = t2.mul_add(level[2 * k + 1], level[2 * k]);
+    }
     let t4 = t2 * t2;
+    for k in 0..2 {
+        level[k] = t4.mul_add(level[2 * k + 1], level[2 * k]);
+    }
     let t8 = t4 * t4;
-    let pair = |k: usize| t.mul_add(T::splat(C[k + 1]), T::splat(C[k]));
-    let four = |k: usize| t2.mul_add(pair(k + 2), pair(k));
-    let eight = |k: usize| t4.mul_add(four(k + 4), four(k));
-    let high = t8.mul_add(pair(16), eight(8));
-    t8.mul_add(high, eight(0))
+    t8.mul_add(t8.mul_add(level[8], level[1]), level[0])
 }
 
 /// What is known of a symmetric matrix S once the eigenvalue that stands apart is found.
@@ -76,7 +82,7 @@ pub(super) fn apart<T: Real>(s: [T; 6]) -> Apart<T> {
     let inverse = square.max(T::splat(SMALLEST)).rsqrt();
     let spread = square * inverse;
     let inverse = T::select(multiple, T::zero(), inverse);
-    let b = [d[0], d[1], d[2], s[3], s[4], s[5]].map(|x| x * inverse);
+    let b = times([d[0], d[1], d[2], s[3], s[4], s[5]], inverse);
     let [xx, yy, zz, xy, xz, yz] = b;
     let det = {
         let x = yy.mul_add(zz, -(yz * yz));
@@ -98,7 +104,7 @@ pub(super) fn apart<T: Real>(s: [T; 6]) -> Apart<T> {
     let column = choose(axx.ge(ayy), [axx, axy, axz], [axy, ayy, ayz]);
     let column = choose(azz.gt(axx.max(ayy)), [axz, ayz, azz], column);
     let inverse = dot(column, column).rsqrt();
-    let w = column.map(|c| c * inverse);
+    let w = times(column, inverse);
     Apart { mean, spread, b, beta, w, largest }
 }
 
@@ -135,7 +141,8 @@ pub fn eig3_sym<T: Real>(a: [T; 6]) -> Eigen<T, 3> {
     let roots = [middle + radius, middle - radius];
     let roots = choose(largest, [beta, roots[0], roots[1]], [roots[0], roots[1], beta]);
     let q = from_columns([choose(largest, w, high), choose(largest, high, low), choose(largest, low, w)]);
-    Eigen { q, lambda: roots.map(|x| x.mul_add(spread, mean) * scaled.back) }
+    let lambda = [roots[0].mul_add(spread, mean), roots[1].mul_add(spread, mean), roots[2].mul_add(spread, mean)];
+    Eigen { q, lambda: times(lambda, scaled.back) }
 }
 
 /// The largest eigenvalue of the symmetric matrix (xx, yy, zz, xy, xz, yz), a few machine epsilons times |A| off.

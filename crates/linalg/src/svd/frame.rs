@@ -1,4 +1,7 @@
 //! Vectors, frames and the scaling that all decompositions share.
+//!
+//! Loops here, not `array::map` or `from_fn`: their closures would be compiled without the instruction set of the kernel,
+//! and what they call would stay a call.
 
 use crate::simd::Real;
 
@@ -21,25 +24,56 @@ pub(super) fn cross<T: Real>(a: [T; 3], b: [T; 3]) -> [T; 3] {
 /// A v
 #[inline(always)]
 pub(super) fn apply<T: Real, const R: usize, const C: usize>(a: &[[T; C]; R], v: [T; C]) -> [T; R] {
-    a.map(|row| dot(row, v))
+    let mut out = [T::zero(); R];
+    for r in 0..R {
+        out[r] = dot(a[r], v);
+    }
+    out
+}
+
+/// s v
+#[inline(always)]
+pub(super) fn times<T: Real, const N: usize>(mut v: [T; N], s: T) -> [T; N] {
+    for k in 0..N {
+        v[k] = v[k] * s;
+    }
+    v
 }
 
 /// `yes` where the mask holds, else `no`, component by component.
 #[inline(always)]
-pub(super) fn choose<T: Real, const N: usize>(mask: T::Mask, yes: [T; N], no: [T; N]) -> [T; N] {
-    std::array::from_fn(|k| T::select(mask, yes[k], no[k]))
+pub(super) fn choose<T: Real, const N: usize>(mask: T::Mask, yes: [T; N], mut no: [T; N]) -> [T; N] {
+    for k in 0..N {
+        no[k] = T::select(mask, yes[k], no[k]);
+    }
+    no
 }
 
 /// c a + s b
 #[inline(always)]
-pub(super) fn blend<T: Real, const N: usize>(c: T, a: [T; N], s: T, b: [T; N]) -> [T; N] {
-    std::array::from_fn(|k| c.mul_add(a[k], s * b[k]))
+pub(super) fn blend<T: Real, const N: usize>(c: T, mut a: [T; N], s: T, b: [T; N]) -> [T; N] {
+    for k in 0..N {
+        a[k] = c.mul_add(a[k], s * b[k]);
+    }
+    a
 }
 
-/// The square matrix with these columns.
+/// The matrix of C columns of R entries.
 #[inline(always)]
-pub(super) fn from_columns<T: Real, const N: usize>(columns: [[T; N]; N]) -> [[T; N]; N] {
-    std::array::from_fn(|row| std::array::from_fn(|column| columns[column][row]))
+pub(super) fn from_columns<T: Real, const R: usize, const C: usize>(columns: [[T; R]; C]) -> [[T; C]; R] {
+    let mut rows = [[T::zero(); C]; R];
+    for r in 0..R {
+        for c in 0..C {
+            rows[r][c] = columns[c][r];
+        }
+    }
+    rows
+}
+
+/// The columns of a matrix.
+#[inline(always)]
+pub(super) fn columns<T: Real, const R: usize, const C: usize>(rows: [[T; C]; R]) -> [[T; R]; C] {
+    from_columns(rows)
 }
 
 /// Unit vectors (e, f) such that (e, f, n) is a right-handed orthonormal frame of the unit vector n; so is (n, e, f).
@@ -63,8 +97,9 @@ pub(super) fn normalise<T: Real, const N: usize>(v: [T; N]) -> ([T; N], T) {
     // `lt` is false for NaN, which therefore stays NaN.
     let zero = square.lt(T::splat(SMALLEST));
     let inverse = square.max(T::splat(SMALLEST)).rsqrt();
-    let mut n = v.map(|x| T::select(zero, T::zero(), x * inverse));
-    n[0] = T::select(zero, T::one(), n[0]);
+    let mut axis = [T::zero(); N];
+    axis[0] = T::one();
+    let n = choose(zero, axis, times(v, inverse));
     (n, square * inverse)
 }
 
@@ -82,9 +117,9 @@ pub(super) struct Scaled<T: Real, const R: usize, const C: usize> {
 #[inline(always)]
 pub(super) fn scale<T: Real, const R: usize, const C: usize>(a: [[T; C]; R]) -> Scaled<T, R, C> {
     let mut largest = T::splat(f64::MIN_POSITIVE);
-    for row in a {
-        for x in row {
-            largest = largest.max(x.abs());
+    for r in 0..R {
+        for c in 0..C {
+            largest = largest.max(a[r][c].abs());
         }
     }
     // 2^-1023 would be subnormal; the cap leaves entries below 4.
@@ -92,19 +127,19 @@ pub(super) fn scale<T: Real, const R: usize, const C: usize>(a: [[T; C]; R]) -> 
     let down = (-exponent).exp2_int();
     let mut sum = T::zero();
     let mut scaled = a;
-    for row in &mut scaled {
-        for x in row {
-            *x = *x * down;
-            sum = x.mul_add(*x, sum);
+    for r in 0..R {
+        for c in 0..C {
+            scaled[r][c] = a[r][c] * down;
+            sum = scaled[r][c].mul_add(scaled[r][c], sum);
         }
     }
     // `max` may pass over NaN, and 2^-exponent of an infinity is unspecified, but the sum of squares
     // is below 16 R C for finite entries only.
     let finite = sum.le(T::splat((16 * R * C) as f64));
     let poison = T::select(finite, T::zero(), T::splat(f64::NAN));
-    for row in &mut scaled {
-        for x in row {
-            *x += poison;
+    for r in 0..R {
+        for c in 0..C {
+            scaled[r][c] += poison;
         }
     }
     Scaled { a: scaled, back: exponent.exp2_int(), zero: sum.le(T::zero()) }

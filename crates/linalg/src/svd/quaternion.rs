@@ -1,6 +1,6 @@
 //! Rotations as unit quaternions, four numbers instead of nine.
 
-use super::frame::{choose, dot};
+use super::frame::{choose, dot, times};
 use super::svd3;
 use crate::simd::Real;
 
@@ -33,8 +33,7 @@ pub fn quaternion_from_rotation<T: Real>(r: [[T; 3]; 3]) -> [T; 4] {
     let xy_row = choose(xx.ge(yy), [xx, xy, xz, wx], [xy, yy, yz, wy]);
     let zw_row = choose(zz.ge(ww), [xz, yz, zz, wz], [wx, wy, wz, ww]);
     let row = choose(xx.max(yy).ge(zz.max(ww)), xy_row, zw_row);
-    let inverse = dot(row, row).rsqrt();
-    row.map(|x| x * inverse)
+    times(row, dot(row, row).rsqrt())
 }
 
 /// The signed decomposition of a 3x3 matrix with U and V as unit quaternions (x, y, z, w): (U, s, V), eleven numbers.

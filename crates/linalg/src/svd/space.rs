@@ -2,7 +2,7 @@
 
 use super::Svd;
 use super::eigen::{Apart, apart};
-use super::frame::{apply, blend, choose, complete, cross, dot, from_columns, normalise, scale};
+use super::frame::{apply, blend, choose, columns, complete, cross, dot, from_columns, normalise, scale};
 use super::plane::svd2_scaled;
 use crate::simd::Real;
 
@@ -22,7 +22,7 @@ pub fn svd3<T: Real>(a: [[T; 3]; 3]) -> Svd<T, 3, 3> {
     a[0][0] = T::select(scaled.zero, T::one(), a[0][0]);
     let back = T::select(scaled.zero, T::zero(), scaled.back);
 
-    let [x, y, z] = from_columns(a);
+    let [x, y, z] = columns(a);
     let Apart { w, largest, .. } = apart([dot(x, x), dot(y, y), dot(z, z), dot(x, y), dot(x, z), dot(y, z)]);
     let (e, f) = complete(w);
     let (aw, ae, af) = (apply(&a, w), apply(&a, e), apply(&a, f));

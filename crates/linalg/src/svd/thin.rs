@@ -1,7 +1,7 @@
 //! Thin matrices: 3x2 (a triangle in space) and single columns (a spring).
 
 use super::Svd;
-use super::frame::{blend, complete, cross, dot, from_columns, normalise, scale};
+use super::frame::{blend, columns, complete, cross, dot, from_columns, normalise, scale};
 use super::plane::svd2_scaled;
 use crate::simd::Real;
 
@@ -14,8 +14,7 @@ use crate::simd::Real;
 #[inline(always)]
 pub fn svd32<T: Real>(a: [[T; 2]; 3]) -> Svd<T, 3, 2> {
     let scaled = scale(a);
-    let a0 = scaled.a.map(|row| row[0]);
-    let a1 = scaled.a.map(|row| row[1]);
+    let [a0, a1] = columns(scaled.a);
     let (x, length) = normalise(a0);
     let (e, f) = complete(x);
     let (across, height) = normalise([dot(e, a1), dot(f, a1)]);
@@ -35,7 +34,7 @@ pub fn svd32<T: Real>(a: [[T; 2]; 3]) -> Svd<T, 3, 2> {
 #[inline(always)]
 pub fn svd31<T: Real>(a: [[T; 1]; 3]) -> Svd<T, 3, 1> {
     let scaled = scale(a);
-    let (n, length) = normalise(scaled.a.map(|row| row[0]));
+    let (n, length) = normalise(columns(scaled.a)[0]);
     let (e, f) = complete(n);
     Svd { u: from_columns([n, e, f]), s: [length * scaled.back], v: [[one_or_nan(length)]] }
 }
@@ -44,7 +43,7 @@ pub fn svd31<T: Real>(a: [[T; 1]; 3]) -> Svd<T, 3, 1> {
 #[inline(always)]
 pub fn svd21<T: Real>(a: [[T; 1]; 2]) -> Svd<T, 2, 1> {
     let scaled = scale(a);
-    let ([c, s], length) = normalise(scaled.a.map(|row| row[0]));
+    let ([c, s], length) = normalise(columns(scaled.a)[0]);
     Svd { u: [[c, -s], [s, c]], s: [length * scaled.back], v: [[one_or_nan(length)]] }
 }
 
