@@ -1,3 +1,4 @@
-//! Energies, constraint sets and element batches of Proxel.
+//! What Proxel minimises: energies (one file each) and the batches of elements that carry them.
 
+pub mod elements;
 pub mod energy;

@@ -1,1 +1,14 @@
 //! Proxel minimises deformation energies under constraints.
+//!
+//! This crate is the facade: applications that turn a description (meshes, pins, settings) into a problem for the
+//! splitting engine and its result back into what the user gave. [`deform`] poses bodies.
+
+pub mod deform;
+pub mod pins;
+pub mod report;
+pub mod settings;
+
+pub use proxel_linalg as linalg;
+pub use proxel_mesh as mesh;
+pub use proxel_model as model;
+pub use proxel_split as split;

@@ -1,0 +1,344 @@
+//! The body as the solver sees it: centred, sorted, with its elements, loads and anchors.
+
+use super::elements::{Cells, build, measures};
+use super::{DeformError, DeformInput, start};
+use crate::settings::DeformSettings;
+use proxel_mesh::{check, topology};
+use proxel_split::{Problem, Quadratic, SystemError};
+
+/// A deformation problem, and the way between the user's numbering and units and the solver's.
+pub struct Body {
+    name: String,
+    center: [f64; 3],
+    order: Vec<u32>, // the user's vertex at each place: free ones first
+    n_free: usize,
+    targets: Vec<(u32, [f64; 3])>, // fixed vertices and where, in the user's numbering and units
+    reference: Option<Vec<f64>>,   // in the solver's
+    repaired_tets: Option<Vec<[u32; 4]>>,
+    warnings: Vec<String>,
+    repaired: Vec<String>,
+    problem: Option<Problem>,
+}
+
+impl Body {
+    /// Checks the input, numbers the vertices, builds the elements.
+    ///
+    /// # Errors
+    /// Input that describes no problem: names the file, the item and the remedy.
+    pub fn new(input: &DeformInput, settings: &DeformSettings) -> Result<Self, DeformError> {
+        let mesh = &input.rest;
+        let name = if mesh.name.is_empty() { "rest mesh".to_string() } else { mesh.name.clone() };
+        let n = mesh.n_verts();
+        mesh.check_indices()?;
+        mesh.check_repeated()?;
+        check_vectors(&name, n, input)?;
+        let mut body = Body {
+            name,
+            center: [0.0; 3],
+            order: Vec::new(),
+            n_free: 0,
+            targets: Vec::new(),
+            reference: None,
+            repaired_tets: None,
+            warnings: Vec::new(),
+            repaired: Vec::new(),
+            problem: None,
+        };
+        body.check_volumes(input, settings)?;
+        let tets = body.repaired_tets.as_deref().unwrap_or(&mesh.tets);
+        let cells = Cells::of(mesh, tets, settings.material.energy == "spring");
+        if cells.len() == 0 {
+            return Err(DeformError(format!("{}: it has no elements; give a mesh of tetrahedra, triangles or edges", body.name)));
+        }
+        body.anchor(input, settings, &cells)?;
+        body.number(mesh.points.as_slice());
+        let number = body.numbers();
+        let rest = body.centred(&mesh.points);
+        let quadratic = body.quadratic(input, settings, &cells, &rest, &number);
+        let mut terms = Vec::new();
+        let mut barrier = false;
+        for (material, chosen) in cells.by_material(mesh, settings) {
+            let built = build(&cells, &chosen, &number, &rest, material, settings, &body.name)?;
+            terms.push(built.term);
+            barrier |= built.barrier;
+        }
+        let x0 = match &input.start {
+            Some(start) => body.with_targets(body.centred(start)),
+            None => start::smooth(&cells, &number, &rest, body.with_targets(rest.clone()), body.n_free)?,
+        };
+        body.reference = input.reference.as_ref().map(|r| body.centred(r));
+        body.problem = Some(Problem { dim: 3, n_free: body.n_free, x0, terms, quadratic, barrier });
+        Ok(body)
+    }
+
+    /// The problem; once.
+    pub(super) fn take_problem(&mut self) -> Problem {
+        self.problem.take().unwrap_or_else(|| Problem {
+            dim: 3,
+            n_free: 0,
+            x0: Vec::new(),
+            terms: Vec::new(),
+            quadratic: Quadratic::default(),
+            barrier: false,
+        })
+    }
+
+    /// What the user should know.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// What was repaired.
+    pub fn repaired(&self) -> &[String] {
+        &self.repaired
+    }
+
+    /// The tetrahedra as they are used, where orientations were repaired.
+    pub fn repaired_tets(&self) -> Option<Vec<[u32; 4]>> {
+        self.repaired_tets.clone()
+    }
+
+    fn check_volumes(&mut self, input: &DeformInput, settings: &DeformSettings) -> Result<(), DeformError> {
+        let mesh = &input.rest;
+        let mut report = check::check_tets(&mesh.points, &mesh.tets);
+        if settings.fix_orientation && !report.negative.is_empty() {
+            let mut tets = mesh.tets.clone();
+            let turned = check::fix_orientation(&mesh.points, &mut tets);
+            self.repaired.push(format!("{}: {turned} tetrahedra of negative volume were turned, the first is {} (0-based)", self.name, report.negative[0]));
+            report = check::check_tets(&mesh.points, &tets);
+            self.repaired_tets = Some(tets);
+        }
+        if !report.negative.is_empty() || !report.zero.is_empty() {
+            match &self.repaired_tets {
+                None => {
+                    check::require_volumes(mesh)?;
+                }
+                Some(tets) => {
+                    let turned = proxel_mesh::Mesh { tets: tets.clone(), ..mesh.clone() };
+                    check::require_volumes(&turned)?;
+                }
+            }
+        }
+        if let Some(first) = report.slivers.first() {
+            self.warnings.push(format!(
+                "{}: {} of {} tetrahedra are slivers (mean ratio below {}), the first is {first} (0-based); they slow convergence",
+                self.name,
+                report.slivers.len(),
+                mesh.tets.len(),
+                check::SLIVER_MEAN_RATIO
+            ));
+        }
+        Ok(())
+    }
+
+    /// Collects fixed vertices: the user's, unreferenced ones in place, and one of each component that nothing holds.
+    fn anchor(&mut self, input: &DeformInput, settings: &DeformSettings, cells: &Cells) -> Result<(), DeformError> {
+        let n = input.rest.n_verts();
+        let components = topology::components(n, cells.corners().chunks_exact(cells.size()));
+        let mut fixed: Vec<Option<[f64; 3]>> = vec![None; n];
+        for (v, target) in &input.fixed {
+            fixed[*v as usize] = Some(*target);
+        }
+        let positions = input.start.as_ref().unwrap_or(&input.rest.points);
+        let mut unreferenced = 0;
+        let mut first = None;
+        for v in components.unreferenced() {
+            if fixed[v as usize].is_none() {
+                fixed[v as usize] = Some(positions[v as usize]);
+                unreferenced += 1;
+                first.get_or_insert(v);
+            }
+        }
+        if let Some(first) = first {
+            self.warnings.push(format!(
+                "{}: {unreferenced} vertices belong to no element, the first is {first} (0-based); they stay in place",
+                self.name
+            ));
+        }
+        let mut held = vec![false; components.count];
+        let mut loaded = vec![settings.density > 0.0 && settings.gravity != [0.0; 3]; components.count];
+        let mut lowest = vec![u32::MAX; components.count];
+        for v in 0..n {
+            if let Some(c) = components.of_vertex[v] {
+                held[c as usize] |= fixed[v].is_some();
+                lowest[c as usize] = lowest[c as usize].min(v as u32);
+            }
+        }
+        for (v, _, k) in &input.soft {
+            if let Some(c) = components.of_vertex[*v as usize] {
+                held[c as usize] |= *k > 0.0;
+            }
+        }
+        for (v, force) in &input.loads {
+            if let Some(c) = components.of_vertex[*v as usize] {
+                loaded[c as usize] |= *force != [0.0; 3];
+            }
+        }
+        let mut anchored = Vec::new();
+        for c in 0..components.count {
+            if held[c] {
+                continue;
+            }
+            if loaded[c] {
+                return Err(DeformError(format!(
+                    "{}: the component of vertex {} (0-based) is loaded but nothing holds it; pin at least three of its vertices (--pins) or remove its loads",
+                    self.name, lowest[c]
+                )));
+            }
+            fixed[lowest[c] as usize] = Some(positions[lowest[c] as usize]);
+            anchored.push(lowest[c]);
+        }
+        match (anchored.first(), components.count) {
+            (None, _) => {}
+            (Some(v), 1) => self.warnings.push(format!("{}: nothing is pinned; vertex {v} (0-based) was anchored in place", self.name)),
+            (Some(v), count) => self.warnings.push(format!(
+                "{}: {} of {count} components have no pin; each was anchored in place at its first vertex, such as {v} (0-based)",
+                self.name,
+                anchored.len()
+            )),
+        }
+        self.targets = fixed.iter().enumerate().filter_map(|(v, target)| Some((v as u32, (*target)?))).collect();
+        Ok(())
+    }
+
+    /// Free vertices first, each kind along a space-filling curve.
+    fn number(&mut self, points: &[[f64; 3]]) {
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for p in points {
+            for d in 0..3 {
+                low[d] = low[d].min(p[d]);
+                high[d] = high[d].max(p[d]);
+            }
+        }
+        self.center = std::array::from_fn(|d| low[d] / 2.0 + high[d] / 2.0);
+        let size = (0..3).map(|d| high[d] - low[d]).fold(0.0, f64::max);
+        let mut is_fixed = vec![false; points.len()];
+        for (v, _) in &self.targets {
+            is_fixed[*v as usize] = true;
+        }
+        let mut keyed: Vec<(bool, u64, u32)> = points
+            .iter()
+            .enumerate()
+            .map(|(v, p)| (is_fixed[v], proxel_model::elements::morton(*p, low, size), v as u32))
+            .collect();
+        keyed.sort_unstable();
+        self.n_free = points.len() - self.targets.len();
+        self.order = keyed.into_iter().map(|(_, _, v)| v).collect();
+    }
+
+    /// The solver's number of each of the user's vertices.
+    fn numbers(&self) -> Vec<u32> {
+        let mut number = vec![0; self.order.len()];
+        for (place, v) in self.order.iter().enumerate() {
+            number[*v as usize] = place as u32;
+        }
+        number
+    }
+
+    /// Loads and soft springs.
+    fn quadratic(&self, input: &DeformInput, settings: &DeformSettings, cells: &Cells, rest: &[f64], number: &[u32]) -> Quadratic {
+        let weighs = settings.density > 0.0 && settings.gravity != [0.0; 3];
+        let mut loads = Vec::new();
+        if weighs || !input.loads.is_empty() {
+            loads = vec![0.0; rest.len()];
+        }
+        for (v, force) in &input.loads {
+            for d in 0..3 {
+                loads[number[*v as usize] as usize * 3 + d] += force[d];
+            }
+        }
+        if weighs {
+            // The mass of an element goes to its corners in equal parts.
+            let renumbered = cells.renumbered(number);
+            let share = settings.density / cells.size() as f64;
+            for (corners, measure) in renumbered.corners().chunks_exact(cells.size()).zip(measures(&renumbered, rest)) {
+                for v in corners {
+                    for d in 0..3 {
+                        loads[*v as usize * 3 + d] += share * measure * settings.gravity[d];
+                    }
+                }
+            }
+        }
+        // sum b . x of the user's x = x + center
+        let constant = loads.chunks_exact(3).map(|b| -(0..3).map(|d| b[d] * self.center[d]).sum::<f64>()).sum();
+        let springs = input
+            .soft
+            .iter()
+            .map(|(v, target, k)| (number[*v as usize], *k, std::array::from_fn(|d| target[d] - self.center[d])))
+            .collect();
+        Quadratic { springs, loads, constant }
+    }
+
+    /// The user's positions from the solver's; fixed vertices are exactly where they were to be held.
+    pub fn positions(&self, x: &[f64]) -> Vec<[f64; 3]> {
+        let mut out = vec![[0.0; 3]; self.order.len()];
+        for (place, v) in self.order.iter().enumerate() {
+            out[*v as usize] = std::array::from_fn(|d| x[place * 3 + d] + self.center[d]);
+        }
+        for (v, target) in &self.targets {
+            out[*v as usize] = *target;
+        }
+        out
+    }
+
+    /// The solver's positions from the user's.
+    pub fn centred(&self, positions: &[[f64; 3]]) -> Vec<f64> {
+        self.order.iter().flat_map(|v| (0..3).map(|d| positions[*v as usize][d] - self.center[d])).collect()
+    }
+
+    /// Puts the fixed vertices where they are to be held.
+    fn with_targets(&self, mut x: Vec<f64>) -> Vec<f64> {
+        let number = self.numbers();
+        for (v, target) in &self.targets {
+            for d in 0..3 {
+                x[number[*v as usize] as usize * 3 + d] = target[d] - self.center[d];
+            }
+        }
+        x
+    }
+
+    /// |x - X*| / |x0 - X*| over free vertices, where there is a reference.
+    pub fn reference_error(&self, x: &[f64], x0: &[f64]) -> Option<f64> {
+        let reference = &self.reference.as_ref()?[..self.n_free * 3];
+        let distance = |x: &[f64]| x.iter().zip(reference).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
+        Some(distance(x) / distance(x0).max(f64::MIN_POSITIVE))
+    }
+
+    /// An error of the system, in the user's numbering.
+    pub fn explain(&self, e: &SystemError) -> String {
+        match e {
+            SystemError::Singular { node } => {
+                format!("{}: {}", self.name, SystemError::Singular { node: self.order.get(*node).map_or(*node, |v| *v as usize) })
+            }
+            SystemError::Factor(_) => format!("{}: {e}", self.name),
+        }
+    }
+}
+
+/// Lengths, numbers and indices of everything that comes with the mesh.
+fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), DeformError> {
+    for (what, positions) in [("start", &input.start), ("reference", &input.reference)] {
+        let Some(positions) = positions else { continue };
+        if positions.len() != n {
+            return Err(DeformError(format!("{name}: it has {n} vertices, the {what} {}; give a {what} of the same mesh", positions.len())));
+        }
+        if let Some(v) = positions.iter().position(|p| p.iter().any(|c| !c.is_finite())) {
+            return Err(DeformError(format!("{name}: a coordinate of vertex {v} (0-based) of the {what} is not finite; replace it")));
+        }
+    }
+    let vectors = input.fixed.iter().map(|(v, p)| ("pin", *v, *p));
+    let vectors = vectors.chain(input.soft.iter().map(|(v, p, _)| ("soft spring", *v, *p)));
+    let vectors = vectors.chain(input.loads.iter().map(|(v, p)| ("load", *v, *p)));
+    for (what, v, vector) in vectors {
+        if v as usize >= n {
+            return Err(DeformError(format!("{name}: a {what} names vertex {v}, the {n} vertices are numbered 0 to {}; correct it", n.max(1) - 1)));
+        }
+        if vector.iter().any(|c| !c.is_finite()) {
+            return Err(DeformError(format!("{name}: the {what} at vertex {v} (0-based) has a number that is not finite; replace it")));
+        }
+    }
+    if let Some((v, _, k)) = input.soft.iter().find(|(_, _, k)| !(*k >= 0.0 && k.is_finite())) {
+        return Err(DeformError(format!("{name}: the soft spring at vertex {v} (0-based) has stiffness {k}; it must not be negative")));
+    }
+    Ok(())
+}

@@ -1,0 +1,173 @@
+//! Fields that go out with the result: stretches, energy density, stress, reaction forces.
+
+use super::elements::{Cells, measures};
+use super::{DeformError, DeformInput, Deformation};
+use crate::settings::DeformSettings;
+use proxel_mesh::{Fields, Mesh};
+use proxel_model::elements::{Rest, Shape, Simplex};
+use proxel_model::energy::{Energy, EnergyVisitor, visit_1d, visit_2d, visit_3d};
+
+/// Per element and per vertex, in the order of the mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Extras {
+    /// Principal stretches, three an element, descending; the last carries the sign of the volume. Unused ones are 1.
+    pub stretches: Vec<[f64; 3]>,
+    /// Energy over rest measure.
+    pub energy_density: Vec<f64>,
+    /// Von Mises stress of the Cauchy stress (of the tension, for springs); NaN where an element has no volume.
+    pub von_mises: Vec<f64>,
+    /// At fixed vertices, the force that the body exerts on what holds it; 0 elsewhere.
+    pub reaction: Vec<[f64; 3]>,
+    /// Displacement from rest.
+    pub displacement: Vec<[f64; 3]>,
+    /// 1 at fixed vertices.
+    pub pinned: Vec<f64>,
+}
+
+impl Extras {
+    /// As arrays for [`proxel_mesh::write_mesh`]. Cell arrays are left out where elements are not what the file holds
+    /// (springs on the edges of a mesh of tetrahedra).
+    pub fn to_fields(&self, mesh: &Mesh) -> Fields {
+        let mut fields = Fields::none();
+        let flat = |v: &[[f64; 3]]| v.as_flattened().to_vec();
+        fields.point("displacement", 3, flat(&self.displacement));
+        fields.point("reaction_force", 3, flat(&self.reaction));
+        fields.point("pinned", 1, self.pinned.clone());
+        let held = if !mesh.tets.is_empty() { mesh.tets.len() } else if !mesh.faces.is_empty() { mesh.faces.len() } else { mesh.edges.len() };
+        if held == self.energy_density.len() {
+            fields.cell("stretches", 3, flat(&self.stretches));
+            fields.cell("energy_density", 1, self.energy_density.clone());
+            fields.cell("von_mises_stress", 1, self.von_mises.clone());
+        }
+        fields
+    }
+}
+
+/// Works out the fields of a result.
+///
+/// # Errors
+/// As [`super::deform`].
+pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformation) -> Result<Extras, DeformError> {
+    let mesh = &input.rest;
+    let n = mesh.n_verts();
+    let cells = Cells::of(mesh, result.repaired_tets.as_deref().unwrap_or(&mesh.tets), settings.material.energy == "spring");
+    let identity: Vec<u32> = (0..n as u32).collect();
+    let center = mesh.bounding_box().map_or([0.0; 3], |(low, high)| std::array::from_fn(|d| low[d] / 2.0 + high[d] / 2.0));
+    let centred = |p: &[[f64; 3]]| -> Vec<f64> { p.iter().flat_map(|p| (0..3).map(|d| p[d] - center[d])).collect() };
+    let (rest, x) = (centred(&mesh.points), centred(&result.positions));
+    let mut out = Extras {
+        stretches: vec![[1.0; 3]; cells.len()],
+        energy_density: vec![0.0; cells.len()],
+        von_mises: vec![0.0; cells.len()],
+        reaction: vec![[0.0; 3]; n],
+        displacement: mesh.points.iter().zip(&result.positions).map(|(a, b)| std::array::from_fn(|d| b[d] - a[d])).collect(),
+        pinned: vec![0.0; n],
+    };
+    let mut forces = vec![[0.0; 3]; n];
+    for (material, chosen) in cells.by_material(mesh, settings) {
+        let lame = material.lame().map_err(|e| DeformError(e.to_string()))?;
+        let size = cells.size();
+        let corners: Vec<u32> = chosen.iter().flat_map(|e| &cells.corners()[e * size..(e + 1) * size]).copied().collect();
+        let refuse = |e: proxel_model::elements::ElementError| DeformError(e.to_string());
+        let unknown = |e: proxel_model::energy::UnknownEnergy| DeformError(e.to_string());
+        let name = material.energy.as_str();
+        match &cells {
+            Cells::Tets(_) => {
+                let rest = Rest::<3, 3>::new(&rest, &corners).map_err(refuse)?;
+                visit_3d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces }).map_err(unknown)?;
+            }
+            Cells::Triangles(_) => {
+                let rest = Rest::<3, 2>::new(&rest, &corners).map_err(refuse)?;
+                visit_2d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces }).map_err(unknown)?;
+            }
+            Cells::Springs(_) => {
+                let rest = Rest::<3, 1>::new(&rest, &corners).map_err(refuse)?;
+                visit_1d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces }).map_err(unknown)?;
+            }
+        }
+    }
+    add_loads(input, settings, &cells.renumbered(&identity), &rest, &mut forces);
+    for (v, _) in &input.fixed {
+        out.pinned[*v as usize] = 1.0;
+        out.reaction[*v as usize] = forces[*v as usize];
+    }
+    Ok(out)
+}
+
+/// Loads act on what holds the body too.
+fn add_loads(input: &DeformInput, settings: &DeformSettings, cells: &Cells, rest: &[f64], forces: &mut [[f64; 3]]) {
+    for (v, force) in &input.loads {
+        for d in 0..3 {
+            forces[*v as usize][d] += force[d];
+        }
+    }
+    if settings.density > 0.0 {
+        let share = settings.density / cells.size() as f64;
+        for (corners, measure) in cells.corners().chunks_exact(cells.size()).zip(measures(cells, rest)) {
+            for v in corners {
+                for d in 0..3 {
+                    forces[*v as usize][d] += share * measure * settings.gravity[d];
+                }
+            }
+        }
+    }
+}
+
+/// Fills the fields of a batch once the energy's type is known.
+struct Fill<'a, const D: usize, const K: usize> {
+    rest: &'a Rest<D, K>,
+    x: &'a [f64],
+    chosen: &'a [usize],
+    out: &'a mut Extras,
+    forces: &'a mut [[f64; 3]],
+}
+
+impl<const K: usize> EnergyVisitor<K> for Fill<'_, 3, K>
+where
+    Simplex: Shape<3, K>,
+{
+    type Output = ();
+    fn visit<E: Energy<K>>(self, energy: E) {
+        for (e, nodes) in self.rest.elements().chunks_exact(K + 1).enumerate() {
+            let at = |k: usize, d: usize| self.x[nodes[k] as usize * 3 + d];
+            let inverse = self.rest.inverse(e);
+            let f: [[f64; K]; 3] = std::array::from_fn(|d| {
+                std::array::from_fn(|c| (0..K).map(|k| (at(k + 1, d) - at(0, d)) * inverse[k][c]).sum())
+            });
+            let svd = <Simplex as Shape<3, K>>::svd(f);
+            let gradient = energy.gradient(svd.s);
+            let place = self.chosen[e];
+            for i in 0..K {
+                self.out.stretches[place][i] = svd.s[i];
+            }
+            self.out.energy_density[place] = energy.value(svd.s);
+            self.out.von_mises[place] = von_mises(&svd.s, &gradient);
+            for k in 0..K {
+                for d in 0..3 {
+                    // -dE/dx = -V P g_k
+                    let stress = |c: usize| (0..K).map(|i| svd.u[d][i] * gradient[i] * svd.v[c][i]).sum::<f64>();
+                    let force = -self.rest.measure(e) * (0..K).map(|c| stress(c) * inverse[k][c]).sum::<f64>();
+                    self.forces[nodes[k + 1] as usize][d] += force;
+                    self.forces[nodes[0] as usize][d] -= force;
+                }
+            }
+        }
+    }
+}
+
+/// From principal Cauchy stresses sigma_i = psi_i s_i / J.
+fn von_mises<const K: usize>(s: &[f64; K], gradient: &[f64; K]) -> f64 {
+    let j: f64 = s.iter().product();
+    if K == 1 {
+        return gradient[0].abs();
+    }
+    if j == 0.0 {
+        return f64::NAN;
+    }
+    let mut sigma = [0.0; 3];
+    for i in 0..K {
+        sigma[i] = gradient[i] * s[i] / j.abs();
+    }
+    let [a, b, c] = sigma;
+    (((a - b).powi(2) + (b - c).powi(2) + (c - a).powi(2)) / 2.0).sqrt()
+}

@@ -1,0 +1,202 @@
+//! Quasi-static deformation: positions of least energy under pins and loads.
+//!
+//! [`deform`] does it in one call; [`Body`] is the problem behind it, built once. Positions come and go in the user's
+//! units and vertex order; inside, the mesh is moved to the origin and vertices are sorted, free ones first.
+
+mod body;
+mod elements;
+mod extras;
+mod start;
+mod watch;
+
+pub use body::Body;
+pub use extras::{Extras, extras};
+pub use watch::{Hooks, Progress};
+
+use crate::report::{Report, Seconds};
+use crate::settings::{DeformSettings, MethodName};
+use proxel_mesh::Mesh;
+use proxel_split::{Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome, Problem, Status};
+use std::time::Instant;
+
+/// What is to be deformed, and how it is held.
+#[derive(Clone, Debug, Default)]
+pub struct DeformInput {
+    /// The mesh at rest: tetrahedra, or triangles, or edges.
+    pub rest: Mesh,
+    /// Start positions; without them, fixed vertices are moved to their targets and the others follow smoothly.
+    pub start: Option<Vec<[f64; 3]>>,
+    /// Fixed vertices and where they are held.
+    pub fixed: Vec<(u32, [f64; 3])>,
+    /// Soft springs: vertex, target, stiffness (force over length).
+    pub soft: Vec<(u32, [f64; 3], f64)>,
+    /// Forces on vertices.
+    pub loads: Vec<(u32, [f64; 3])>,
+    /// Positions to measure the position error against; they change nothing.
+    pub reference: Option<Vec<[f64; 3]>>,
+}
+
+/// Why a deformation cannot be computed: a sentence that names the item and the remedy.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeformError(pub String);
+
+impl std::fmt::Display for DeformError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for DeformError {}
+
+impl From<proxel_mesh::MeshError> for DeformError {
+    fn from(e: proxel_mesh::MeshError) -> Self {
+        DeformError(e.to_string())
+    }
+}
+
+/// A deformed body.
+#[derive(Clone, Debug)]
+pub struct Deformation {
+    /// Positions, in the order of the rest mesh; fixed vertices bit for bit where they were to be held.
+    pub positions: Vec<[f64; 3]>,
+    /// Where the iteration began.
+    pub start: Vec<[f64; 3]>,
+    /// How it ended.
+    pub status: Status,
+    /// All figures; `seconds.read`, `seconds.write` and `peak_bytes` are the caller's to fill.
+    pub report: Report,
+    /// The tetrahedra that were used, where orientations were repaired.
+    pub repaired_tets: Option<Vec<[u32; 4]>>,
+}
+
+/// Minimises the deformation energy of `input` and says how it went. What it returns holds for the positions as returned.
+///
+/// # Errors
+/// Input that describes no problem. A run that does not converge is no error: see [`Deformation::status`].
+pub fn deform(input: &DeformInput, settings: &DeformSettings, hooks: &mut Hooks<'_>) -> Result<Deformation, DeformError> {
+    settings.check().map_err(DeformError)?;
+    let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| DeformError(format!("{threads} threads cannot be started: {e}")))?;
+    // The hooks stay on this thread's side of the pool: they are moved in and run there one at a time.
+    pool.install(|| deform_here(input, settings, hooks, threads))
+}
+
+fn deform_here(input: &DeformInput, settings: &DeformSettings, hooks: &mut Hooks<'_>, threads: usize) -> Result<Deformation, DeformError> {
+    let began = Instant::now();
+    let mut body = Body::new(input, settings)?;
+    let problem = body.take_problem();
+    let start = body.positions(&problem.x0);
+    let mut run = if problem.n_free == 0 {
+        Finished::without_unknowns(problem)
+    } else {
+        solve(&body, problem, settings, hooks, began)?
+    };
+
+    // What is reported is what a reader of the written positions finds.
+    let positions = body.positions(&run.outcome.x);
+    let x = body.centred(&positions);
+    let mut grad = vec![0.0; run.problem.n_free * 3];
+    run.problem.moved();
+    let energy = run.problem.energy(&x, Some(&mut grad));
+    let gradient_norm = proxel_split::vector::norm(&grad);
+    let outcome = &run.outcome;
+    let report = Report {
+        version: env!("CARGO_PKG_VERSION").to_string(),
+        command: "deform".to_string(),
+        settings: serde_json::to_value(settings).unwrap_or_default(),
+        method: settings.method.as_str().to_string(),
+        status: outcome.status.as_str().to_string(),
+        reason: outcome.reason.clone(),
+        iterations: outcome.iterations,
+        inner_iterations: outcome.inner_iterations,
+        refactorisations: outcome.refactorisations,
+        energy: finite(energy.value),
+        gradient_norm: finite(gradient_norm),
+        gradient_ratio: finite(if run.reference_gradient > 0.0 { gradient_norm / run.reference_gradient } else { 0.0 }),
+        inverted: Some(energy.inverted),
+        min_stretch: finite(energy.min_stretch),
+        max_stretch: finite(energy.max_stretch),
+        position_error: body.reference_error(&x, &body.centred(&start)).and_then(finite),
+        primal_residual: finite(outcome.last.primal_residual),
+        dual_residual: finite(outcome.last.dual_residual),
+        accepted: outcome.accepted,
+        rejected: outcome.rejected,
+        warnings: body.warnings().to_vec(),
+        repaired: body.repaired().to_vec(),
+        seconds: Seconds { read: 0.0, setup: run.setup, solve: run.solve, write: 0.0 },
+        peak_bytes: None,
+        factor_bytes: Some(run.factor_bytes),
+        threads,
+    };
+    Ok(Deformation { positions, start, status: outcome.status, report, repaired_tets: body.repaired_tets() })
+}
+
+fn finite(v: f64) -> Option<f64> {
+    v.is_finite().then_some(v)
+}
+
+/// A run that is over.
+struct Finished {
+    outcome: Outcome,
+    problem: Problem,
+    reference_gradient: f64,
+    factor_bytes: u64,
+    setup: f64,
+    solve: f64,
+}
+
+impl Finished {
+    /// Every vertex is fixed: there is nothing to solve.
+    fn without_unknowns(problem: Problem) -> Self {
+        let outcome = Outcome {
+            status: Status::Converged,
+            reason: "every vertex is fixed; there is nothing to move".to_string(),
+            iterations: 0,
+            inner_iterations: 0,
+            refactorisations: 0,
+            accepted: 0,
+            rejected: 0,
+            missed: 0,
+            x: problem.x0.clone(),
+            is_last: true,
+            last: Default::default(),
+        };
+        Finished { outcome, problem, reference_gradient: 0.0, factor_bytes: 0, setup: 0.0, solve: 0.0 }
+    }
+}
+
+/// Puts the method together: parts, no special cases.
+fn method(problem: Problem, settings: &DeformSettings) -> Result<Admm, proxel_split::SystemError> {
+    let name = settings.method;
+    let global: Box<dyn GlobalStep> = match name.is_rotation_aware() {
+        true => Box::new(Lbfgs::new(settings.admm.lbfgs())),
+        false => Box::new(Direct::new()),
+    };
+    let reweighting = name.is_reweighted().then(|| settings.admm.reweighting());
+    Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting })
+}
+
+fn solve(body: &Body, problem: Problem, settings: &DeformSettings, hooks: &mut Hooks<'_>, began: Instant) -> Result<Finished, DeformError> {
+    let mut method = method(problem, settings).map_err(|e| DeformError(body.explain(&e)))?;
+    let setup = began.elapsed().as_secs_f64();
+    let mut tolerance = GradientTolerance::new(settings.tol, &mut method);
+    let reference_gradient = tolerance.reference();
+    let mut limit = IterationLimit(settings.max_iters);
+    let mut cancel = Cancel(hooks.cancel.clone());
+    let mut time = watch::TimeLimit::new(began, settings.time_limit);
+    let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
+    let outcome = proxel_split::run(&mut method, &mut [&mut tolerance, &mut cancel, &mut time, &mut limit], &mut watcher);
+    let factor_bytes = method.normal().factor_bytes();
+    let solve = began.elapsed().as_secs_f64() - setup;
+    Ok(Finished { outcome, problem: method.into_problem(), reference_gradient, factor_bytes, setup, solve })
+}
+
+impl MethodName {
+    /// From its name on the command line.
+    pub fn from_name(name: &str) -> Option<MethodName> {
+        MethodName::ALL.into_iter().find(|m| m.as_str() == name)
+    }
+}

@@ -1,0 +1,314 @@
+//! Settings of `deform`, with their defaults: the one place that the command line, the library and bindings take them from.
+
+use proxel_model::energy::{Lame, MaterialError};
+use proxel_split::{InnerStop, LbfgsSettings, Range, Reweighting};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A method of `deform`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MethodName {
+    /// ADMM of Overby et al. 2017: linear coupling, static weights.
+    AdmmPd,
+    /// Rotation-aware, static weights.
+    RAdmm,
+    /// Linear coupling, dynamic weights.
+    WAdmm,
+    /// Rotation-aware, dynamic weights: Brown and Narain 2021.
+    #[default]
+    Wrapd,
+}
+
+impl MethodName {
+    /// All of them.
+    pub const ALL: [MethodName; 4] = [MethodName::AdmmPd, MethodName::RAdmm, MethodName::WAdmm, MethodName::Wrapd];
+
+    /// Its name on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            MethodName::AdmmPd => "admm-pd",
+            MethodName::RAdmm => "r-admm",
+            MethodName::WAdmm => "w-admm",
+            MethodName::Wrapd => "wrapd",
+        }
+    }
+
+    /// Whether the local variable is the stretch of the polar decomposition.
+    pub fn is_rotation_aware(self) -> bool {
+        matches!(self, MethodName::RAdmm | MethodName::Wrapd)
+    }
+
+    /// Whether weights follow the stiffness.
+    pub fn is_reweighted(self) -> bool {
+        matches!(self, MethodName::WAdmm | MethodName::Wrapd)
+    }
+}
+
+/// Where the paper and its authors' code differ: which of them to follow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Schedule {
+    /// As printed.
+    Paper,
+    /// As the authors' code does.
+    Reference,
+    /// What was measured to be the fastest (docs/schedules.md).
+    #[default]
+    Default,
+}
+
+/// What the weights are before they follow the stiffness, over the measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BaseWeight {
+    /// The largest eigenvalue of the Hessian at rest, W(21).
+    RestHessian,
+    /// The slope fit of Liu et al. 2017.
+    Slope,
+}
+
+/// In what frame the local variable of the rotation-aware methods is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LocalFrame {
+    /// Eigenvalues: the local variable is always a possible stretch.
+    Eigenvalues,
+    /// Signed singular values, as the authors' code takes them.
+    SingularValues,
+}
+
+/// Which step the stop of the inner iteration looks at, W(17).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum InnerStopName {
+    /// The step just taken.
+    StepTaken,
+    /// The step to be taken next.
+    NextStep,
+}
+
+/// Settings of the splitting methods.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AdmmSettings {
+    /// What the weights are at first.
+    pub base_weight: BaseWeight,
+    /// Factor of the squared weights, the paper's beta.
+    pub weight_scale: f64,
+    /// Frame of the local variable.
+    pub local_frame: LocalFrame,
+    /// First iteration that may reweight, k_rw.
+    pub reweight_from: usize,
+    /// gamma of W(23).
+    pub reweight_trigger: f64,
+    /// beta_min of W(22).
+    pub weight_min: f64,
+    /// beta_max of W(22).
+    pub weight_max: f64,
+    /// Pairs that L-BFGS keeps.
+    pub window: usize,
+    /// kappa of W(17).
+    pub kappa: f64,
+    /// Most inner steps of a global step.
+    pub max_inner: usize,
+    /// Which step W(17) looks at.
+    pub inner_stop: InnerStopName,
+    /// Whether inner steps are shortened until they descend.
+    pub line_search: bool,
+}
+
+impl AdmmSettings {
+    /// The settings of a schedule.
+    pub fn of(schedule: Schedule) -> Self {
+        let paper = AdmmSettings {
+            base_weight: BaseWeight::RestHessian,
+            weight_scale: 1.0,
+            local_frame: LocalFrame::Eigenvalues,
+            reweight_from: 50,
+            reweight_trigger: 1.5,
+            weight_min: 0.1,
+            weight_max: 10.0,
+            window: 6,
+            kappa: 1.0,
+            max_inner: 100,
+            inner_stop: InnerStopName::NextStep,
+            line_search: false,
+        };
+        match schedule {
+            Schedule::Paper => paper,
+            Schedule::Reference => AdmmSettings {
+                base_weight: BaseWeight::Slope,
+                local_frame: LocalFrame::SingularValues,
+                // Candidates from the 50th local step on, counted from 1.
+                reweight_from: 49,
+                inner_stop: InnerStopName::StepTaken,
+                ..paper
+            },
+            Schedule::Default => AdmmSettings {
+                base_weight: BaseWeight::Slope,
+                inner_stop: InnerStopName::StepTaken,
+                ..paper
+            },
+        }
+    }
+
+    /// For the global step.
+    pub fn lbfgs(&self) -> LbfgsSettings {
+        LbfgsSettings {
+            window: self.window,
+            kappa: self.kappa,
+            max_inner: self.max_inner,
+            stop: match self.inner_stop {
+                InnerStopName::StepTaken => InnerStop::StepTaken,
+                InnerStopName::NextStep => InnerStop::NextStep,
+            },
+            line_search: self.line_search,
+        }
+    }
+
+    /// For the weights.
+    pub fn reweighting(&self) -> Reweighting {
+        Reweighting {
+            range: Range::Late { from: self.reweight_from, min: self.weight_min, max: self.weight_max },
+            trigger: self.reweight_trigger,
+        }
+    }
+}
+
+impl Default for AdmmSettings {
+    fn default() -> Self {
+        AdmmSettings::of(Schedule::Default)
+    }
+}
+
+/// A material: an energy and its moduli. Young and Poisson unless mu and lambda are given.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Material {
+    /// Name of the energy: neo-hookean, stable-neo-hookean, stvk, corotated, fixed-corotated, arap, spring, ...
+    pub energy: String,
+    /// Young's modulus, in units of stress.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Shear modulus; with `lambda` in the place of Young and Poisson.
+    pub mu: Option<f64>,
+    /// First Lame parameter.
+    pub lambda: Option<f64>,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Material { energy: "neo-hookean".to_string(), young: 1e7, poisson: 0.45, mu: None, lambda: None }
+    }
+}
+
+impl Material {
+    /// Its moduli.
+    ///
+    /// # Errors
+    /// Moduli that describe no stable material.
+    pub fn lame(&self) -> Result<Lame, MaterialError> {
+        match (self.mu, self.lambda) {
+            (Some(mu), Some(lambda)) => Lame::new(mu, lambda),
+            (Some(mu), None) => Lame::new(mu, 0.0),
+            (None, Some(lambda)) => Lame::new(Lame::from_young_poisson(self.young, self.poisson)?.mu(), lambda),
+            (None, None) => Lame::from_young_poisson(self.young, self.poisson),
+        }
+    }
+}
+
+/// All settings of `deform`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DeformSettings {
+    /// The method.
+    pub method: MethodName,
+    /// What `admm` was filled from.
+    pub schedule: Schedule,
+    /// Settings of the splitting methods.
+    pub admm: AdmmSettings,
+    /// The material where no region says otherwise.
+    pub material: Material,
+    /// Materials of regions.
+    pub materials: BTreeMap<i32, Material>,
+    /// Mass over volume; with `gravity` it makes a load.
+    pub density: f64,
+    /// Acceleration.
+    pub gravity: [f64; 3],
+    /// Swap two vertices of tetrahedra of negative volume instead of refusing them.
+    pub fix_orientation: bool,
+    /// Converged when |g| <= tol min(|g(X0)|, characteristic gradient).
+    pub tol: f64,
+    /// Most iterations.
+    pub max_iters: usize,
+    /// Most seconds.
+    pub time_limit: Option<f64>,
+    /// Threads; all processors where none is given.
+    pub threads: Option<usize>,
+}
+
+impl Default for DeformSettings {
+    fn default() -> Self {
+        DeformSettings::of(Schedule::Default)
+    }
+}
+
+impl DeformSettings {
+    /// The defaults under a schedule.
+    pub fn of(schedule: Schedule) -> Self {
+        DeformSettings {
+            method: MethodName::default(),
+            schedule,
+            admm: AdmmSettings::of(schedule),
+            material: Material::default(),
+            materials: BTreeMap::new(),
+            density: 0.0,
+            gravity: [0.0; 3],
+            fix_orientation: false,
+            tol: 1e-9,
+            max_iters: 5000,
+            time_limit: None,
+            threads: None,
+        }
+    }
+
+    /// Checks numbers that would make no sense.
+    ///
+    /// # Errors
+    /// A sentence that names the setting and what it can be.
+    pub fn check(&self) -> Result<(), String> {
+        let a = &self.admm;
+        let positive = |name: &str, v: f64| match v > 0.0 && v.is_finite() {
+            true => Ok(()),
+            false => Err(format!("{name} is {v}; it must be a positive number")),
+        };
+        positive("tol", self.tol)?;
+        positive("weight_scale (--weight-scale)", a.weight_scale)?;
+        positive("kappa", a.kappa)?;
+        positive("weight_min", a.weight_min)?;
+        if !(a.weight_max >= a.weight_min && a.weight_max.is_finite()) {
+            return Err(format!("weight_max is {}; it must be at least weight_min = {}", a.weight_max, a.weight_min));
+        }
+        if !(a.reweight_trigger >= 1.0) {
+            return Err(format!("reweight_trigger is {}; it must be at least 1", a.reweight_trigger));
+        }
+        if a.max_inner == 0 {
+            return Err("max_inner is 0; a global step needs at least one inner step".to_string());
+        }
+        if !(self.density >= 0.0 && self.density.is_finite()) {
+            return Err(format!("density is {}; it must not be negative", self.density));
+        }
+        if let Some(g) = self.gravity.iter().find(|g| !g.is_finite()) {
+            return Err(format!("gravity has a component {g}; it must be finite"));
+        }
+        if let Some(t) = self.time_limit.filter(|t| !(*t >= 0.0)) {
+            return Err(format!("time_limit is {t}; it must be a number of seconds"));
+        }
+        if self.threads == Some(0) {
+            return Err("threads is 0; give at least 1, or leave it out for all processors".to_string());
+        }
+        Ok(())
+    }
+}

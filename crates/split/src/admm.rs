@@ -1,0 +1,151 @@
+//! The alternating direction method of multipliers, with whatever coupling, global step and weights it is put together
+//! from: W, Algorithm 1.
+//!
+//! | method | coupling of the terms | global step | reweighting |
+//! |---|---|---|---|
+//! | ADMM-PD (Overby et al. 2017) | identity | [`crate::Direct`] | none |
+//! | W-ADMM | identity | [`crate::Direct`] | W(22)-(23) |
+//! | R-ADMM | polar | [`crate::Lbfgs`] | none |
+//! | WRAPD | polar | [`crate::Lbfgs`] | W(22)-(23) |
+
+use crate::{
+    EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Problem, Reweighting, StepReport, SystemError,
+    vector,
+};
+
+/// How an [`Admm`] is put together.
+pub struct AdmmSettings {
+    /// Its name, as users give it.
+    pub name: String,
+    /// How the positions follow the local variables.
+    pub global: Box<dyn GlobalStep>,
+    /// Whether and how the weights follow the stiffness.
+    pub reweighting: Option<Reweighting>,
+}
+
+/// ADMM on a [`Problem`]. One iteration is one local step over all elements and one global step.
+pub struct Admm {
+    settings: AdmmSettings,
+    problem: Problem,
+    normal: NormalMatrix,
+    x: Vec<f64>,      // positions
+    z: Vec<Vec<f64>>, // local variables, a vector a term
+    u: Vec<Vec<f64>>, // scaled duals, likewise
+    grad: Vec<f64>,   // gradient of the objective at x, where asked for
+    iteration: usize,
+    energy: Option<EnergyReport>,
+    evaluation: Option<Evaluation>,
+}
+
+impl Admm {
+    /// z = c(D x0), u = 0, base weights, first factor.
+    ///
+    /// # Errors
+    /// A problem that does not fit together (as [`SystemError::Factor`]) or a singular system.
+    pub fn new(mut problem: Problem, settings: AdmmSettings) -> Result<Self, SystemError> {
+        problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
+        let normal = NormalMatrix::new(&problem)?;
+        let x = problem.x0.clone();
+        let u: Vec<Vec<f64>> = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
+        let mut z = u.clone();
+        problem.moved();
+        for (term, z) in problem.terms.iter_mut().zip(&mut z) {
+            term.couple(&x, z);
+        }
+        let grad = vec![0.0; problem.n_free * problem.dim];
+        Ok(Admm { settings, problem, normal, x, z, u, grad, iteration: 0, energy: None, evaluation: None })
+    }
+
+    /// z <- prox(c(Dx) + u), u <- u + c(Dx) - z.
+    fn local_step(&mut self) -> LocalReport {
+        let mut report = LocalReport::default();
+        for ((term, z), u) in self.problem.terms.iter_mut().zip(&mut self.z).zip(&mut self.u) {
+            report += term.local_step(&self.x, z, u);
+        }
+        report
+    }
+
+    /// Takes the candidate weights where one of them asks for it, W(22)-(23).
+    fn reweight(&mut self) -> Result<bool, SystemError> {
+        let Some(reweighting) = self.settings.reweighting else { return Ok(false) };
+        let Some(range) = reweighting.range.at(self.iteration) else { return Ok(false) };
+        let ratio = self.problem.terms.iter_mut().map(|term| term.propose_weights(range)).fold(1.0, f64::max);
+        if ratio <= reweighting.trigger {
+            return Ok(false);
+        }
+        for (term, u) in self.problem.terms.iter_mut().zip(&mut self.u) {
+            term.take_weights(u);
+        }
+        self.normal.refactor(&self.problem)?;
+        self.settings.global.reset();
+        Ok(true)
+    }
+
+    /// The matrix of the global step.
+    pub fn normal(&self) -> &NormalMatrix {
+        &self.normal
+    }
+
+    /// Local variables, one vector a term.
+    pub fn z(&self) -> &[Vec<f64>] {
+        &self.z
+    }
+
+    /// Scaled duals, one vector a term.
+    pub fn u(&self) -> &[Vec<f64>] {
+        &self.u
+    }
+
+    /// Gives the problem back, for another method to go on.
+    pub fn into_problem(self) -> Problem {
+        self.problem
+    }
+}
+
+impl Method for Admm {
+    fn name(&self) -> &str {
+        &self.settings.name
+    }
+
+    fn step(&mut self) -> Result<StepReport, SystemError> {
+        self.energy = None;
+        self.evaluation = None;
+        let local = self.local_step(); // W(10b), W(10c)
+        let mut objective = Objective { problem: &mut self.problem, z: &self.z, u: &self.u };
+        let change = local.lagrangian_change().abs();
+        let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, change)?; // W(10a)
+        let refactorised = self.reweight()?;
+        self.iteration += 1;
+        let relative = |part2: f64| (part2 / global.penalty.size2.max(f64::MIN_POSITIVE)).sqrt();
+        Ok(StepReport {
+            iteration: self.iteration,
+            inner: global.inner,
+            refactorised,
+            accepted: true,
+            primal_residual: relative(global.penalty.gap2),
+            dual_residual: relative(local.moved2),
+            energy_z: local.value_after,
+            local,
+        })
+    }
+
+    fn x(&self) -> &[f64] {
+        &self.x
+    }
+
+    fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    fn energy(&mut self) -> EnergyReport {
+        *self.energy.get_or_insert_with(|| self.problem.energy(&self.x, None))
+    }
+
+    fn evaluate(&mut self) -> Evaluation {
+        *self.evaluation.get_or_insert_with(|| {
+            let energy = self.problem.energy(&self.x, Some(&mut self.grad));
+            self.energy = Some(energy);
+            Evaluation { energy, gradient_norm: vector::norm(&self.grad) }
+        })
+    }
+}

@@ -1,0 +1,57 @@
+//! What every method has in common.
+
+use crate::{EnergyReport, LocalReport, Problem, SystemError};
+
+/// What one iteration did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Number of iterations done, this one included.
+    pub iteration: usize,
+    /// Inner steps of the global step.
+    pub inner: usize,
+    /// Whether weights were changed and the system factored anew.
+    pub refactorised: bool,
+    /// Whether the proposed iterate was taken.
+    pub accepted: bool,
+    /// |W(c(Dx) - z)| / |W z|, A(27) in the scaled local space; infinite where the method has no z.
+    pub primal_residual: f64,
+    /// |W(z - z_before)| / |W z|; likewise.
+    pub dual_residual: f64,
+    /// sum g(z), the energy of the local variable; infinite where the method has none.
+    pub energy_z: f64,
+    /// What the local step did.
+    pub local: LocalReport,
+}
+
+/// Objective and gradient at the current x.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Evaluation {
+    /// The objective and the deformation of the elements.
+    pub energy: EnergyReport,
+    /// Norm of the gradient over the free nodes.
+    pub gradient_norm: f64,
+}
+
+/// An algorithm in motion. It never stops by itself: [`crate::run`] asks its [`crate::Stop`]s.
+pub trait Method: Send {
+    /// Its name, as users give it.
+    fn name(&self) -> &str;
+
+    /// One iteration.
+    ///
+    /// # Errors
+    /// A system that cannot be factored; x is then as before.
+    fn step(&mut self) -> Result<StepReport, SystemError>;
+
+    /// Positions, `dim` numbers a node.
+    fn x(&self) -> &[f64];
+
+    /// The problem that is being solved.
+    fn problem(&self) -> &Problem;
+
+    /// Objective at x, without its gradient. Worked out once for an x.
+    fn energy(&mut self) -> EnergyReport;
+
+    /// Objective and gradient at x. Worked out once for an x.
+    fn evaluate(&mut self) -> Evaluation;
+}

@@ -1,0 +1,174 @@
+//! The problem: terms, a quadratic, a start.
+
+use crate::{EnergyReport, PenaltyReport, Term, vector};
+
+/// f(x) = sum_j k_j/2 |x_j - t_j|^2 - sum_i b_i . x_i + constant: soft springs to targets, and loads.
+#[derive(Clone, Debug, Default)]
+pub struct Quadratic {
+    /// Soft springs: node, stiffness k_j, and the target t_j in the first `dim` entries.
+    pub springs: Vec<(u32, f64, [f64; 3])>,
+    /// Loads b, `n * dim` long, or empty.
+    pub loads: Vec<f64>,
+    /// A constant, so that values do not depend on where the origin was moved to.
+    pub constant: f64,
+}
+
+impl Quadratic {
+    /// f(x); its gradient over the free nodes is added to `grad` where one is wanted.
+    pub fn value_and_gradient(&self, x: &[f64], dim: usize, grad: Option<&mut [f64]>) -> f64 {
+        let mut value = self.constant;
+        if !self.loads.is_empty() {
+            value -= vector::dot(&self.loads, x);
+        }
+        for (node, k, target) in &self.springs {
+            for c in 0..dim {
+                let d = x[*node as usize * dim + c] - target[c];
+                value += 0.5 * k * d * d;
+            }
+        }
+        if let Some(grad) = grad {
+            if !self.loads.is_empty() {
+                let free = grad.len();
+                vector::add_scaled(grad, -1.0, &self.loads[..free]);
+            }
+            for (node, k, target) in &self.springs {
+                let at = *node as usize * dim;
+                if at < grad.len() {
+                    for c in 0..dim {
+                        grad[at + c] += k * (x[at + c] - target[c]);
+                    }
+                }
+            }
+        }
+        value
+    }
+}
+
+/// min f(x) + sum_t g_t(c_t(D_t x)) over the first `n_free` of n nodes.
+pub struct Problem {
+    /// Numbers a node: 2 or 3.
+    pub dim: usize,
+    /// Nodes 0..n_free are unknowns; the others stay where they are.
+    pub n_free: usize,
+    /// The start, n * dim.
+    pub x0: Vec<f64>,
+    /// Batches of elements.
+    pub terms: Vec<Box<dyn Term>>,
+    /// f
+    pub quadratic: Quadratic,
+    /// Whether a point with an inverted element cannot be a solution.
+    pub barrier: bool,
+}
+
+/// Why a problem cannot be set up.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ProblemError {
+    /// Lengths that do not fit each other.
+    Shape(String),
+    /// A number that is infinite or NaN.
+    NotFinite(String),
+    /// An element names a node that does not exist.
+    Index(String),
+}
+
+impl std::fmt::Display for ProblemError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ProblemError::Shape(s) | ProblemError::NotFinite(s) | ProblemError::Index(s) => f.write_str(s),
+        }
+    }
+}
+
+impl std::error::Error for ProblemError {}
+
+impl Problem {
+    /// Checks lengths and numbers; what [`crate::Admm::new`] and every other method call first.
+    ///
+    /// # Errors
+    /// Names what does not fit.
+    pub fn check(&self) -> Result<(), ProblemError> {
+        if !(1..=3).contains(&self.dim) {
+            return Err(ProblemError::Shape(format!("dim is {}; it can be 1, 2 or 3", self.dim)));
+        }
+        if !self.x0.len().is_multiple_of(self.dim) || self.n_free > self.n() {
+            let (length, dim, free) = (self.x0.len(), self.dim, self.n_free);
+            return Err(ProblemError::Shape(format!("x0 has {length} numbers, which are not {dim} for each of at least {free} nodes")));
+        }
+        if let Some(i) = self.x0.iter().position(|v| !v.is_finite()) {
+            return Err(ProblemError::NotFinite(format!("node {}: a coordinate of the start is {}", i / self.dim, self.x0[i])));
+        }
+        if !self.quadratic.loads.is_empty() && self.quadratic.loads.len() != self.x0.len() {
+            return Err(ProblemError::Shape(format!("there are {} load numbers for {} coordinates", self.quadratic.loads.len(), self.x0.len())));
+        }
+        if let Some(i) = self.quadratic.loads.iter().position(|v| !v.is_finite()) {
+            return Err(ProblemError::NotFinite(format!("node {}: a load is {}", i / self.dim, self.quadratic.loads[i])));
+        }
+        for (node, k, target) in &self.quadratic.springs {
+            if *node as usize >= self.n() {
+                return Err(ProblemError::Index(format!("a soft spring names node {node} of {}", self.n())));
+            }
+            if !(*k >= 0.0 && k.is_finite() && vector::is_finite(&target[..self.dim])) {
+                return Err(ProblemError::NotFinite(format!("the soft spring at node {node} has stiffness {k} and target {target:?}")));
+            }
+        }
+        let n = self.n() as u32;
+        for (t, term) in self.terms.iter().enumerate() {
+            let mut bad = None;
+            term.for_each_element(&mut |nodes| {
+                if let Some(node) = nodes.iter().find(|node| **node >= n) {
+                    bad.get_or_insert(*node);
+                }
+            });
+            if let Some(node) = bad {
+                return Err(ProblemError::Index(format!("an element of term {t} names node {node} of {n}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of nodes.
+    pub fn n(&self) -> usize {
+        self.x0.len() / self.dim
+    }
+
+    /// Tells every term that x has changed.
+    pub fn moved(&mut self) {
+        for term in &mut self.terms {
+            term.moved();
+        }
+    }
+
+    /// The objective at x, and how far the elements are deformed; `grad`, n_free * dim long, is overwritten.
+    pub fn energy(&mut self, x: &[f64], mut grad: Option<&mut [f64]>) -> EnergyReport {
+        if let Some(grad) = grad.as_deref_mut() {
+            grad.fill(0.0);
+        }
+        let mut report = EnergyReport::default();
+        for term in &mut self.terms {
+            report += term.energy(x, grad.as_deref_mut());
+        }
+        report.value += self.quadratic.value_and_gradient(x, self.dim, grad);
+        report
+    }
+
+    /// f(x) + 1/2 sum w^2 |c(Dx) - z + u|^2, the objective of the global step W(11); `grad` is overwritten.
+    pub fn penalty(&mut self, x: &[f64], z: &[Vec<f64>], u: &[Vec<f64>], grad: &mut [f64]) -> PenaltyReport {
+        grad.fill(0.0);
+        let mut report = PenaltyReport::default();
+        for ((term, z), u) in self.terms.iter_mut().zip(z).zip(u) {
+            report += term.penalty(x, z, u, grad);
+        }
+        report.value += self.quadratic.value_and_gradient(x, self.dim, Some(grad));
+        report
+    }
+
+    /// The problem's characteristic gradient: the norm of the forces that a stress of the size of the rest stiffness
+    /// would put on the free nodes, element by element. In the manner of Zhu et al. 2018, section 5.
+    pub fn characteristic_gradient(&self) -> f64 {
+        let mut size = vec![0.0; self.n_free];
+        for term in &self.terms {
+            term.add_characteristic_force(&mut size);
+        }
+        vector::norm(&size)
+    }
+}

@@ -1,0 +1,71 @@
+//! When and how far the weights follow the stiffness.
+
+/// The interval, in units of the base weight, that candidate weights are clamped to in iteration k = 0, 1, ...: W(22).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Static before iteration `from`, then [min, max]. W, section 6.1: from 50, [0.1, 10].
+    Late {
+        /// First iteration that may reweight.
+        from: usize,
+        /// beta_min
+        min: f64,
+        /// beta_max
+        max: f64,
+    },
+    /// [1, min(first growth^k, cap)], W(24): 10, 1.5, 1e9; static in iteration 0.
+    Growing {
+        /// beta_max at k = 0
+        first: f64,
+        /// Factor an iteration
+        growth: f64,
+        /// Largest beta_max
+        cap: f64,
+    },
+}
+
+impl Range {
+    /// (beta_min, beta_max) in iteration k, or none where the weights are static.
+    pub fn at(&self, k: usize) -> Option<(f64, f64)> {
+        match *self {
+            Range::Late { from, min, max } => (k >= from).then_some((min, max)),
+            Range::Growing { first, growth, cap } => (k > 0).then(|| (1.0, (first * growth.powf(k as f64)).min(cap))),
+        }
+    }
+}
+
+/// Dynamic reweighting, W section 5.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reweighting {
+    /// Where candidate weights are clamped to.
+    pub range: Range,
+    /// gamma of W(23): all elements are reweighted when the ratio of one exceeds it.
+    pub trigger: f64,
+}
+
+impl Reweighting {
+    /// Quasi-static deformation, W section 6.1.
+    pub fn quasi_static() -> Self {
+        Reweighting { range: Range::Late { from: 50, min: 0.1, max: 10.0 }, trigger: 1.5 }
+    }
+
+    /// Parameterization, W section 6.2.
+    pub fn parameterization() -> Self {
+        Reweighting { range: Range::Growing { first: 10.0, growth: 1.5, cap: 1e9 }, trigger: 1.5 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_schedules_of_section_6() {
+        let late = Reweighting::quasi_static().range;
+        assert_eq!((late.at(49), late.at(50), late.at(900)), (None, Some((0.1, 10.0)), Some((0.1, 10.0))));
+        let growing = Reweighting::parameterization().range;
+        assert_eq!(growing.at(0), None);
+        assert_eq!(growing.at(1), Some((1.0, 15.0)));
+        assert_eq!(growing.at(2), Some((1.0, 22.5)));
+        assert_eq!(growing.at(1000), Some((1.0, 1e9)));
+    }
+}

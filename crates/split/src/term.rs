@@ -1,0 +1,132 @@
+//! What the splitting needs to know of a batch of like elements.
+
+use proxel_linalg::sparse::SymPattern;
+
+/// What a local step did, summed over the elements of a batch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LocalReport {
+    /// sum g(z) before the step.
+    pub value_before: f64,
+    /// sum g(z) after the step.
+    pub value_after: f64,
+    /// 1/2 sum w^2 |c(Dx) + u - z|^2 before the step, u not yet updated.
+    pub penalty_before: f64,
+    /// The same after the step, u not yet updated.
+    pub penalty_after: f64,
+    /// sum w^2 |z - z_before|^2, the square of the dual residual in local space.
+    pub moved2: f64,
+    /// Elements whose prox missed its tolerance.
+    pub missed: u64,
+}
+
+impl LocalReport {
+    /// The change of the augmented Lagrangian by this step, before the dual update: Delta L in W(17).
+    pub fn lagrangian_change(&self) -> f64 {
+        (self.value_after - self.value_before) + (self.penalty_after - self.penalty_before)
+    }
+}
+
+impl std::ops::AddAssign for LocalReport {
+    fn add_assign(&mut self, o: Self) {
+        self.value_before += o.value_before;
+        self.value_after += o.value_after;
+        self.penalty_before += o.penalty_before;
+        self.penalty_after += o.penalty_after;
+        self.moved2 += o.moved2;
+        self.missed += o.missed;
+    }
+}
+
+/// The energy of a batch at x, and how far its elements are deformed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EnergyReport {
+    /// sum g(c(Dx)).
+    pub value: f64,
+    /// Elements with a signed measure of zero or below.
+    pub inverted: u64,
+    /// Least signed stretch.
+    pub min_stretch: f64,
+    /// Largest stretch.
+    pub max_stretch: f64,
+}
+
+impl Default for EnergyReport {
+    fn default() -> Self {
+        EnergyReport { value: 0.0, inverted: 0, min_stretch: f64::INFINITY, max_stretch: f64::NEG_INFINITY }
+    }
+}
+
+impl std::ops::AddAssign for EnergyReport {
+    fn add_assign(&mut self, o: Self) {
+        self.value += o.value;
+        self.inverted += o.inverted;
+        self.min_stretch = self.min_stretch.min(o.min_stretch);
+        self.max_stretch = self.max_stretch.max(o.max_stretch);
+    }
+}
+
+/// The penalty 1/2 sum w^2 |c(Dx) - p|^2, p = z - u, at a point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PenaltyReport {
+    /// Its value.
+    pub value: f64,
+    /// sum w^2 |c(Dx) - z|^2, the square of the primal residual.
+    pub gap2: f64,
+    /// sum w^2 |z|^2, what the residuals are measured against.
+    pub size2: f64,
+}
+
+impl std::ops::AddAssign for PenaltyReport {
+    fn add_assign(&mut self, o: Self) {
+        self.value += o.value;
+        self.gap2 += o.gap2;
+        self.size2 += o.size2;
+    }
+}
+
+/// A batch of like elements: one virtual call a batch and step, everything static inside.
+///
+/// Positions x are flat, `dim` numbers a node. The first `n_free` nodes are unknowns, the others fixed; gradients have
+/// `n_free * dim` entries and are added to. Local vectors z and u have [`Term::local_len`] entries, laid out as the term
+/// likes, such that the Euclidean norm of an element's part is the norm of the splitting (Frobenius).
+///
+/// What a term derives from x (decompositions) it may keep until [`Term::moved`] is called.
+pub trait Term: Send + Sync {
+    /// Number of elements.
+    fn n_elems(&self) -> usize;
+
+    /// Length of this term's part of z and of u.
+    fn local_len(&self) -> usize;
+
+    /// x has changed: whatever was derived from it is stale.
+    fn moved(&mut self);
+
+    /// z <- c(Dx).
+    fn couple(&mut self, x: &[f64], z: &mut [f64]);
+
+    /// z <- prox(c(Dx) + u), W(10b); then u <- u + c(Dx) - z, W(10c). z comes in warm.
+    fn local_step(&mut self, x: &[f64], z: &mut [f64], u: &mut [f64]) -> LocalReport;
+
+    /// 1/2 sum w^2 |c(Dx) - z + u|^2, its gradient W(12) added to `grad`.
+    fn penalty(&mut self, x: &[f64], z: &[f64], u: &[f64], grad: &mut [f64]) -> PenaltyReport;
+
+    /// sum g(c(Dx)), its gradient added to `grad` where one is wanted.
+    fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport;
+
+    /// Calls `visit` with the nodes of each element.
+    fn for_each_element(&self, visit: &mut dyn FnMut(&[u32]));
+
+    /// Adds sum w^2 D^T D over free nodes, W(5a), to the values of the lower triangle `pattern`.
+    fn add_normal(&self, pattern: &SymPattern, values: &mut [f64]);
+
+    /// sum_i w^2 |D_i|^2 per node as a bound of the gradient's size: adds stiffness * |V D_i| to `size` for each free node
+    /// i, the force that a stress of the size of the rest stiffness would put on it.
+    fn add_characteristic_force(&self, size: &mut [f64]);
+
+    /// Works out candidate weights from the stiffness at z, clamped to `range` times the base weight, W(22), and returns
+    /// the largest ratio max(w_cand^2/w^2, w^2/w_cand^2), W(23).
+    fn propose_weights(&mut self, range: (f64, f64)) -> f64;
+
+    /// Takes the candidate weights and scales u by w^2/w_cand^2, so that w^2 u, the force, stays.
+    fn take_weights(&mut self, u: &mut [f64]);
+}
