@@ -2,4 +2,5 @@
 //! and polar decompositions of small matrices in batches, sparse symmetric factorisation and triangular solves.
 
 pub mod simd;
+pub mod sparse;
 pub mod svd;

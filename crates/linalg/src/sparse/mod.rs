@@ -1,0 +1,35 @@
+//! Sparse symmetric positive definite systems: analysed once, refactored often, solved very often.
+//!
+//! - [`SymPattern`]: where a symmetric matrix has entries.
+//! - [`Symbolic`]: elimination order, supernodes and tasks of a pattern.
+//! - [`Cholesky`]: the numbers of a factor, in `f64` or `f32`, and its solves.
+//!
+//! Everything runs on the current rayon pool and gives the same bits on any number of threads: the elimination tree
+//! is cut into tasks by the pattern alone, each task works on memory of its own, and sums are taken in a fixed order.
+#![allow(unsafe_code)] // kernels over raw lines; every use says why it is sound
+
+mod assemble;
+mod dense;
+mod error;
+mod etree;
+mod factor;
+mod groups;
+mod layout;
+mod memory;
+mod ordering;
+mod pattern;
+mod solve;
+mod supernodes;
+mod sweep;
+mod symbolic;
+mod vector;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+pub use error::SparseError;
+pub use factor::Cholesky;
+pub use ordering::{Ordering, Permutation, order};
+pub use pattern::SymPattern;
+pub use solve::SolveScratch;
+pub use symbolic::Symbolic;
+pub use vector::Scalar;

@@ -1,0 +1,248 @@
+//! The sparse factor and solve against dense Cholesky, over shapes, precisions, thread counts and bad input.
+
+use proxel_linalg::sparse::{Cholesky, Ordering, Scalar, SolveScratch, SparseError, SymPattern, Symbolic};
+use std::sync::Arc;
+
+mod common;
+use common::*;
+
+fn factor<T: Scalar>(m: &Matrix, ordering: Ordering) -> Result<Cholesky<T>, SparseError> {
+    let symbolic = Arc::new(Symbolic::analyze(&m.pattern, ordering)?);
+    let mut factor = Cholesky::new(symbolic);
+    factor.refactor(&m.values)?;
+    Ok(factor)
+}
+
+fn orderings() -> [Ordering; 4] {
+    [Ordering::Amf, Ordering::Amd, Ordering::NestedDissection, Ordering::Natural]
+}
+
+/// |b - A x| / |b| over all right-hand sides.
+fn residual(m: &Matrix, x: &[f64], b: &[f64], nrhs: usize) -> f64 {
+    let mut ax = vec![0.0; b.len()];
+    m.pattern.multiply(&m.values, x, nrhs, &mut ax).unwrap();
+    let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
+    norm(&mut b.iter().zip(&ax).map(|(b, a)| b - a)) / norm(&mut b.iter().copied()).max(f64::MIN_POSITIVE)
+}
+
+#[test]
+fn agrees_with_dense_cholesky() {
+    let mut random = Random(7);
+    for (name, m) in shapes(&mut random) {
+        for ordering in orderings() {
+            let factor = factor::<f64>(&m, ordering.clone()).unwrap();
+            for nrhs in [1, 2, 3, 4, 5, 9] {
+                let b: Vec<f64> = (0..m.n() * nrhs).map(|_| random.unit()).collect();
+                let mut x = b.clone();
+                factor.solve_in_place(&mut x, nrhs, &mut SolveScratch::new()).unwrap();
+                let expected = m.dense_solve(&b, nrhs);
+                let scale = expected.iter().fold(1e-300_f64, |s, v| s.max(v.abs()));
+                for (x, e) in x.iter().zip(&expected) {
+                    assert!((x - e).abs() <= 1e-11 * scale, "{name} {ordering:?} nrhs {nrhs}: {x} is not {e}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn residual_is_small_on_grids() {
+    let m = grid(17, 13, 11, &mut Random(3));
+    let mut scratch = SolveScratch::new();
+    for ordering in orderings() {
+        for (factor64, factor32) in
+            [(factor::<f64>(&m, ordering.clone()).unwrap(), factor::<f32>(&m, ordering.clone()).unwrap())]
+        {
+            for nrhs in 1..=4 {
+                let b: Vec<f64> = (0..m.n() * nrhs).map(|k| ((k * 37) % 101) as f64 - 50.0).collect();
+                let mut x = b.clone();
+                factor64.solve_in_place(&mut x, nrhs, &mut scratch).unwrap();
+                let r = residual(&m, &x, &b, nrhs);
+                assert!(r < 1e-13, "{ordering:?}: {r:e}");
+                let mut x = b.clone();
+                factor32.solve_in_place(&mut x, nrhs, &mut scratch).unwrap();
+                let r = residual(&m, &x, &b, nrhs);
+                assert!(r < 1e-4, "{ordering:?} in f32: {r:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn refactors_with_new_numbers() {
+    let mut random = Random(11);
+    let mut m = grid(9, 8, 7, &mut random);
+    let symbolic = Arc::new(Symbolic::analyze(&m.pattern, Ordering::Auto).unwrap());
+    let mut factor = Cholesky::<f64>::new(symbolic);
+    for round in 0..3 {
+        m.redraw(&mut random);
+        factor.refactor(&m.values).unwrap();
+        if round == 1 {
+            factor.release_workspace();
+        }
+        let b: Vec<f64> = (0..m.n() * 3).map(|_| random.unit()).collect();
+        let mut x = b.clone();
+        factor.solve_in_place(&mut x, 3, &mut SolveScratch::new()).unwrap();
+        assert!(residual(&m, &x, &b, 3) < 1e-13);
+    }
+}
+
+#[test]
+fn same_bits_on_any_number_of_threads() {
+    let m = grid(31, 29, 23, &mut Random(5));
+    let b: Vec<f64> = (0..m.n() * 3).map(|k| (k as f64 * 0.37).sin()).collect();
+    let solve = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut bits = Vec::new();
+            for nrhs in [1, 3] {
+                let mut x = b[..m.n() * nrhs].to_vec();
+                let f = factor::<f64>(&m, Ordering::Auto).unwrap();
+                f.solve_in_place(&mut x, nrhs, &mut SolveScratch::new()).unwrap();
+                bits.extend(x.iter().map(|v| v.to_bits()));
+                let mut x = b[..m.n() * nrhs].to_vec();
+                let f = factor::<f32>(&m, Ordering::Auto).unwrap();
+                f.solve_in_place(&mut x, nrhs, &mut SolveScratch::new()).unwrap();
+                bits.extend(x.iter().map(|v| v.to_bits()));
+            }
+            bits
+        })
+    };
+    let one = solve(1);
+    assert_eq!(one.len(), m.n() * 8);
+    for threads in [2, 3] {
+        assert!(one == solve(threads), "{threads} threads differ from one");
+    }
+}
+
+#[test]
+fn names_the_column_that_is_not_positive() {
+    let mut random = Random(1);
+    for ordering in orderings() {
+        for bad in [0usize, 100, 719] {
+            let mut m = grid(10, 9, 8, &mut random);
+            let slot = m.pattern.diagonal_slot(bad);
+            m.values[slot] = -1.0;
+            match factor::<f64>(&m, ordering.clone()).map(|_| ()) {
+                // With one negative diagonal entry every other Schur complement pivot before it stays positive.
+                Err(SparseError::NotPositiveDefinite { column, pivot }) => {
+                    assert!(column == bad && pivot <= -1.0, "{ordering:?}: column {column}, pivot {pivot}, not {bad}");
+                }
+                other => panic!("{ordering:?}: {other:?}"),
+            }
+        }
+    }
+    // Natural order of a dense matrix: the first leading minor that is not positive.
+    let m = Matrix::from_dense(3, &[1.0, 2.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(
+        factor::<f64>(&m, Ordering::Natural).map(|_| ()),
+        Err(SparseError::NotPositiveDefinite { column: 1, pivot: -3.0 })
+    );
+}
+
+#[test]
+fn refuses_singular_and_non_finite() {
+    // A graph Laplacian without a pin: its last pivot is rounding error.
+    let n = 50;
+    let edges: Vec<[u32; 2]> = (1..n as u32).map(|i| [i - 1, i]).collect();
+    let pattern = SymPattern::from_edges(n, &edges).unwrap();
+    let mut values = vec![0.0; pattern.nnz()];
+    for (k, e) in edges.iter().enumerate() {
+        let w = 1.0 + 0.1 * k as f64;
+        for v in e {
+            values[pattern.diagonal_slot(*v as usize)] += w;
+        }
+        values[pattern.slot(e[0] as usize, e[1] as usize).unwrap()] -= w;
+    }
+    let m = Matrix { pattern, values };
+    for ordering in orderings() {
+        let result = factor::<f64>(&m, ordering).map(|_| ());
+        assert!(matches!(result, Err(SparseError::NotPositiveDefinite { .. })), "{result:?}");
+    }
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let mut m = grid(5, 5, 5, &mut Random(2));
+        let slot = m.pattern.slot(7, 6).unwrap();
+        m.values[slot] = value;
+        let result = factor::<f64>(&m, Ordering::Auto).map(|_| ());
+        match result {
+            Err(SparseError::NonFinite { row, column, .. }) => assert_eq!((row.max(column), row.min(column)), (7, 6)),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn wrong_lengths_and_missing_numbers_are_errors() {
+    let m = grid(4, 4, 4, &mut Random(2));
+    let mut f = factor::<f64>(&m, Ordering::Auto).unwrap();
+    let mut scratch = SolveScratch::new();
+    let short = f.solve_in_place(&mut [0.0; 63], 1, &mut scratch);
+    assert_eq!(short, Err(SparseError::Length { what: "rhs", found: 63, expected: 64 }));
+    assert_eq!(
+        f.refactor(&m.values[1..]),
+        Err(SparseError::Length { what: "values", found: m.values.len() - 1, expected: m.values.len() })
+    );
+    // A failed refactorisation leaves no numbers to solve with.
+    assert_eq!(f.solve_in_place(&mut [0.0; 64], 1, &mut scratch), Err(SparseError::NotFactored));
+    assert_eq!(f.solve_in_place(&mut [], 0, &mut scratch), Err(SparseError::NotFactored));
+    let given = |perm: Vec<u32>| Symbolic::analyze(&m.pattern, Ordering::Given(perm)).map(|_| ());
+    assert_eq!(given(vec![0; 63]), Err(SparseError::Length { what: "the given order", found: 63, expected: 64 }));
+    assert_eq!(given(vec![0; 64]), Err(SparseError::NotPermutation { position: 1, value: 0 }));
+    assert_eq!(given((1..65).collect()), Err(SparseError::NotPermutation { position: 63, value: 64 }));
+    given((0..64).rev().collect()).unwrap();
+}
+
+#[test]
+fn scales_from_tiny_to_huge() {
+    // D A D with D from 1e-75 to 1e75: the diagonal runs from 1e-150 to 1e150.
+    let mut m = grid(6, 6, 6, &mut Random(9));
+    let n = m.n();
+    let d = |i: usize| 10f64.powf(150.0 * i as f64 / (n - 1) as f64 - 75.0);
+    for j in 0..n {
+        for s in m.pattern.col_ptr()[j]..m.pattern.col_ptr()[j + 1] {
+            m.values[s] *= d(m.pattern.row_idx()[s] as usize) * d(j);
+        }
+    }
+    // x = D^-1 y with smooth y; b = A x is computed with little cancellation, so compare x itself.
+    let x: Vec<f64> = (0..n).map(|i| (1.0 + (i % 7) as f64) / d(i)).collect();
+    let mut b = vec![0.0; n];
+    m.pattern.multiply(&m.values, &x, 1, &mut b).unwrap();
+    let mut got = b.clone();
+    factor::<f64>(&m, Ordering::Auto).unwrap().solve_in_place(&mut got, 1, &mut SolveScratch::new()).unwrap();
+    for (g, x) in got.iter().zip(&x) {
+        assert!((g / x - 1.0).abs() < 1e-11, "{g:e} is not {x:e}");
+    }
+    let f32_factor = factor::<f32>(&m, Ordering::Auto).unwrap();
+    let mut got = b.clone();
+    f32_factor.solve_in_place(&mut got, 1, &mut SolveScratch::new()).unwrap();
+    for (g, x) in got.iter().zip(&x) {
+        assert!((g / x - 1.0).abs() < 1e-3, "f32: {g:e} is not {x:e}");
+    }
+}
+
+#[test]
+fn analysis_counts_what_dense_elimination_fills() {
+    for (name, m) in shapes(&mut Random(21)) {
+        for ordering in orderings() {
+            let symbolic = Symbolic::analyze(&m.pattern, ordering).unwrap();
+            let filled = m.filled_entries(symbolic.permutation().forward());
+            assert!(symbolic.factor_nnz() >= filled, "{name}: {} < {filled}", symbolic.factor_nnz());
+            // Relaxed supernodes add zeros, most of them in small supernodes.
+            assert!(symbolic.factor_nnz() <= 2 * filled + 8 * m.n(), "{name}: {} > {filled}", symbolic.factor_nnz());
+        }
+    }
+}
+
+#[test]
+fn renumbering_by_the_order_keeps_the_fill() {
+    let m = grid(12, 11, 10, &mut Random(4));
+    let symbolic = Symbolic::analyze(&m.pattern, Ordering::Auto).unwrap();
+    let inverse = symbolic.permutation().inverse();
+    let edges: Vec<[u32; 2]> = (0..m.n())
+        .flat_map(|j| m.pattern.column(j).iter().map(move |&i| [inverse[i as usize], inverse[j]]))
+        .collect();
+    let renumbered = SymPattern::from_edges(m.n(), &edges).unwrap();
+    let again = Symbolic::analyze(&renumbered, Ordering::Natural).unwrap();
+    let (a, b) = (symbolic.factor_nnz() as f64, again.factor_nnz() as f64);
+    assert!((a / b - 1.0).abs() < 0.02, "{a} became {b}");
+}
