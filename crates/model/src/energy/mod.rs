@@ -8,6 +8,19 @@
 //! All is generic over [`Real`]: one text serves single numbers and eight lanes. One file is one energy, all of them are
 //! listed in [`for_each_energy!`](crate::for_each_energy), and the tests of derivatives, of the proximal operators and of
 //! the lanes run over that list.
+//!
+//! ```
+//! use proxel_model::energy::{Energy, Lame, NeoHookean};
+//!
+//! let lame = Lame::from_young_poisson(1e7, 0.45)?;
+//! let rubber = <NeoHookean as Energy<3>>::from_lame(&lame);
+//! let k = Energy::<3>::slope_stiffness(&rubber); // w^2 / V
+//! let p = rubber.prox([1.2, 1.0, -0.4], k, [1.0; 3]); // an inverted target
+//! assert!(p.converged && p.s.iter().all(|s| *s > 0.0));
+//! # Ok::<(), proxel_model::energy::MaterialError>(())
+//! ```
+//!
+//! To add an energy, write its file with `impl<const K: usize> Energy<K>`, declare it below, and add its line to the list.
 
 mod dispatch;
 mod lame;

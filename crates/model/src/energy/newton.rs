@@ -120,7 +120,8 @@ where
     (k * 0.5).mul_add(squared_norm(&d), energy.value(*s))
 }
 
-/// `s` with stretches that are not finite, or not positive where they must be, replaced by 1.
+/// `s` with stretches that are absurd (no finite number, or so large that psi may overflow), or not positive where they
+/// must be, replaced by 1.
 #[inline(always)]
 fn admissible<E, T, const K: usize>(s: &[T; K]) -> [T; K]
 where
@@ -129,7 +130,8 @@ where
 {
     let mut a = *s;
     for i in 0..K {
-        let good = if E::PROX_POSITIVE { s[i].gt(T::zero()) & s[i].is_finite() } else { s[i].is_finite() };
+        let sane = s[i].abs().le(T::splat(1e30));
+        let good = if E::PROX_POSITIVE { s[i].gt(T::zero()) & sane } else { sane };
         a[i] = T::select(good, s[i], T::one());
     }
     a

@@ -25,7 +25,7 @@ impl<T: Real, const K: usize> Ldlt<T, K> {
         for j in 0..K {
             let mut pivot = a[j][j];
             for n in 0..j {
-                pivot = pivot - f.lower[j][n] * f.lower[j][n] * d[n];
+                pivot -= f.lower[j][n] * f.lower[j][n] * d[n];
             }
             let good = pivot.gt(a[j][j].abs() * 1e-10);
             if !(good | !f.definite).all() {
@@ -41,7 +41,7 @@ impl<T: Real, const K: usize> Ldlt<T, K> {
             for i in j + 1..K {
                 let mut l = a[i][j];
                 for n in 0..j {
-                    l = l - f.lower[i][n] * f.lower[j][n] * d[n];
+                    l -= f.lower[i][n] * f.lower[j][n] * d[n];
                 }
                 f.lower[i][j] = l * f.inverse[j];
             }
@@ -57,7 +57,7 @@ impl<T: Real, const K: usize> Ldlt<T, K> {
         for i in (0..j).rev() {
             let mut t = T::zero();
             for n in i + 1..=j {
-                t = t - self.lower[n][i] * x[n];
+                t -= self.lower[n][i] * x[n];
             }
             x[i] = t;
         }
@@ -70,13 +70,13 @@ impl<T: Real, const K: usize> Ldlt<T, K> {
         let mut x = *b;
         for i in 0..K {
             for n in 0..i {
-                x[i] = x[i] - self.lower[i][n] * x[n];
+                x[i] -= self.lower[i][n] * x[n];
             }
         }
         for i in (0..K).rev() {
             x[i] = x[i] * self.inverse[i];
             for n in i + 1..K {
-                x[i] = x[i] - self.lower[n][i] * x[n];
+                x[i] -= self.lower[n][i] * x[n];
             }
         }
         x

@@ -112,6 +112,9 @@ impl<const K: usize> Energy<K> for SymmetricDirichlet {
                 break;
             }
         }
+        for i in 0..K {
+            converged = converged & s[i].is_finite();
+        }
         Prox { s, converged }
     }
 

@@ -73,7 +73,11 @@ fn lanes_agree_with_single_numbers_at_every_level() {
                         let single = energy.prox(v, problem.k[l], warm);
                         let here = lane(&found.prox, l);
                         for i in 0..K {
-                            assert!((here[i] - single.s[i]).abs() < 1e-10, "{name} {level:?} {v:?} {here:?} {:?}", single.s);
+                            assert!(
+                                (here[i] - single.s[i]).abs() < 1e-10,
+                                "{name} {level:?} {v:?} {here:?} {:?}",
+                                single.s
+                            );
                         }
                         let d = energy.divided_differences(warm);
                         let mut expected = vec![energy.value(warm), energy.effective_stiffness(warm)];
