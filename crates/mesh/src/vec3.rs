@@ -26,10 +26,6 @@ pub(crate) fn norm(a: V3) -> f64 {
     dot(a, a).sqrt()
 }
 
-pub(crate) fn normalized(a: V3) -> V3 {
-    scale(1.0 / norm(a), a)
-}
-
 /// a + t (b - a).
 pub(crate) fn lerp(a: V3, b: V3, t: f64) -> V3 {
     [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])]

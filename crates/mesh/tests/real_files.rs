@@ -61,8 +61,7 @@ fn refined_models_keep_volume_and_orientation() {
     for (name, ..) in QUASISTATIC {
         let mesh = read_mesh(&folder.join(name).join("rest.node")).unwrap();
         let fine = refine(&mesh).unwrap().mesh;
-        let (before, after) =
-            (check_tets(&mesh.points, &mesh.tets), check_tets(&fine.points, &fine.tets));
+        let (before, after) = (check_tets(&mesh.points, &mesh.tets), check_tets(&fine.points, &fine.tets));
         assert_eq!(fine.tets.len(), 8 * mesh.tets.len());
         assert_eq!((after.negative.len(), after.zero.len()), (0, 0), "{name}");
         assert!((after.total / before.total - 1.0).abs() < 1e-12, "{name}");
@@ -85,9 +84,7 @@ fn surfaces_keep_their_polygons() {
     let Some(root) = data(".") else { return };
     for (file, n_verts, triangles, quads, polygons) in expected {
         let mesh = read_mesh(&root.join(file)).unwrap();
-        let of = |sizes: std::ops::RangeFrom<usize>| {
-            mesh.faces.iter().filter(|p| sizes.contains(&p.len())).count()
-        };
+        let of = |sizes: std::ops::RangeFrom<usize>| mesh.faces.iter().filter(|p| sizes.contains(&p.len())).count();
         assert_eq!(mesh.points.len(), n_verts, "{file}");
         assert_eq!((of(3..) - of(4..), of(4..) - of(5..), of(5..)), (triangles, quads, polygons), "{file}");
     }

@@ -1,19 +1,30 @@
 //! Reading and writing by extension.
 
 mod atomic;
+#[cfg(test)]
+mod fuzz;
+mod gmsh;
+mod medit;
 mod npy;
 mod obj;
+mod off;
+mod ply;
+mod scalar;
+mod stl;
 mod tetgen;
 mod text;
+mod vtk;
+mod vtk_cells;
+mod vtu;
 
 use std::borrow::Cow;
 use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::path::Path;
 
 pub use atomic::{atomic_write, check_writable};
 
-use crate::error::{ErrorKind, MeshError, Result};
+use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::fields::Fields;
 use crate::mesh::{Mesh, Polygons};
 use crate::topology;
@@ -27,6 +38,20 @@ pub enum Format {
     TetGen,
     /// Wavefront `.obj`.
     Obj,
+    /// Medit `.mesh`, text.
+    Medit,
+    /// Gmsh `.msh`.
+    Gmsh,
+    /// Legacy `.vtk`.
+    Vtk,
+    /// ParaView's `.vtu`.
+    Vtu,
+    /// Stanford `.ply`.
+    Ply,
+    /// `.stl`, a soup of triangles.
+    Stl,
+    /// Geomview `.off`.
+    Off,
     /// NumPy `.npy`: positions only.
     Npy,
 }
@@ -43,8 +68,23 @@ impl Format {
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         Ok(match extension.as_deref() {
             Some("node" | "ele") => Format::TetGen,
+            Some("mesh") => Format::Medit,
+            Some("msh") => Format::Gmsh,
+            Some("vtk") => Format::Vtk,
+            Some("vtu") => Format::Vtu,
             Some("obj") => Format::Obj,
+            Some("ply") => Format::Ply,
+            Some("stl") => Format::Stl,
+            Some("off") => Format::Off,
             Some("npy") => Format::Npy,
+            Some("meshb") => {
+                return Err(MeshError::new(
+                    ErrorKind::Unsupported,
+                    display(path),
+                    "binary Medit files are not read or written",
+                    "use the text form, .mesh",
+                ));
+            }
             _ => {
                 let what = match &extension {
                     Some(e) => format!("unknown extension `.{e}`"),
@@ -89,18 +129,42 @@ pub fn read_mesh(path: &Path) -> Result<Mesh> {
 pub fn read_mesh_lenient(path: &Path) -> Result<Mesh> {
     let format = Format::of_input(path)?;
     let file = display(path);
+    if format == Format::Npy {
+        return Err(MeshError::new(
+            ErrorKind::Unsupported,
+            file,
+            "a .npy file holds positions without elements",
+            "give a mesh file here",
+        ));
+    }
+    let mesh =
+        if format == Format::TetGen { tetgen::read(path)? } else { parse_mesh(format, &file, &read_bytes(path)?)? };
+    mesh.check_indices()?;
+    Ok(mesh)
+}
+
+/// Parses the bytes of a mesh file; `file` is the name that messages start with. A TetGen pair is two
+/// files and an array holds no elements: those two formats are refused here.
+///
+/// # Errors
+/// As [`read_mesh_lenient`].
+pub fn parse_mesh(format: Format, file: &str, data: &[u8]) -> Result<Mesh> {
     let mesh = match format {
-        Format::TetGen => tetgen::read(path)?,
-        Format::Npy => {
-            return Err(MeshError::new(
-                ErrorKind::Unsupported,
-                file,
-                "a .npy file holds positions without elements",
-                "give a mesh file here",
-            ));
-        }
-        Format::Obj => obj::parse(&file, &read_bytes(path)?)?,
-    };
+        Format::Medit => medit::parse(file, data),
+        Format::Gmsh => gmsh::parse(file, data),
+        Format::Vtk => vtk::parse(file, data),
+        Format::Vtu => vtu::parse(file, data),
+        Format::Obj => obj::parse(file, data),
+        Format::Ply => ply::parse(file, data),
+        Format::Stl => stl::parse(file, data),
+        Format::Off => off::parse(file, data),
+        Format::TetGen | Format::Npy => Err(MeshError::new(
+            ErrorKind::Unsupported,
+            file,
+            "its format is no single mesh file",
+            "read it by its path",
+        )),
+    }?;
     mesh.check_indices()?;
     Ok(mesh)
 }
@@ -140,7 +204,7 @@ pub fn write_mesh(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<()> {
         Format::TetGen => {
             let (node, ele) = tetgen::pair(path);
             if mesh.tets.is_empty() && !mesh.faces.is_empty() {
-                require_triangles(path, mesh)?;
+                require_corners(path, mesh, 3)?;
             }
             let nodes = Staged::write(&node, |w| tetgen::write_nodes(mesh, w))?;
             if mesh.tets.is_empty() && mesh.faces.is_empty() {
@@ -150,41 +214,58 @@ pub fn write_mesh(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<()> {
             nodes.publish()?;
             elements.publish()
         }
+        Format::Medit | Format::Gmsh => {
+            require_corners(path, mesh, 4)?;
+            atomic_write(path, |w| match format {
+                Format::Medit => medit::write(mesh, w),
+                _ => gmsh::write(mesh, w),
+            })
+        }
+        Format::Vtk => atomic_write(path, |w| vtk::write(mesh, fields, w)),
+        Format::Vtu => atomic_write(path, |w| vtu::write(mesh, fields, w)),
         Format::Obj => atomic_write(path, |w| obj::write(mesh, w)),
+        Format::Ply => atomic_write(path, |w| ply::write(mesh, fields, w)),
+        Format::Stl => atomic_write(path, |w| stl::write(mesh, w)),
+        Format::Off => atomic_write(path, |w| off::write(mesh, w)),
         Format::Npy => atomic_write(path, |w| npy::write_points(&mesh.points, w)),
     }
 }
 
 /// What of this mesh and its arrays the format of `path` does not carry, in words; empty if the
 /// file holds everything.
+///
+/// # Errors
+/// An unknown extension.
 pub fn not_carried(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<Vec<&'static str>> {
+    use Format::{Medit, Npy, Obj, Off, Ply, Stl, TetGen, Vtk, Vtu};
     let format = Format::from_path(path)?;
-    let mut lost = Vec::new();
-    let mut check = |present: bool, carried: bool, what| {
-        if present && !carried {
-            lost.push(what);
-        }
-    };
-    use Format::{Npy, Obj, TetGen};
-    let surface_only = matches!(format, Obj);
-    let no_regions = matches!(format, Obj | Npy);
-    check(!mesh.tets.is_empty(), !surface_only && format != Npy, "tetrahedra");
-    check(!mesh.faces.is_empty(), format != Npy && (format != TetGen || mesh.tets.is_empty()), "faces");
-    check(!mesh.edges.is_empty(), !matches!(format, TetGen | Npy), "edges");
-    check(mesh.tet_regions.is_some() || mesh.face_regions.is_some(), !no_regions, "regions");
-    check(!fields.is_empty(), false, "arrays");
-    Ok(lost)
+    let surface = matches!(format, Obj | Ply | Stl | Off);
+    let volume = !mesh.tets.is_empty();
+    let regions = mesh.tet_regions.is_some() || mesh.face_regions.is_some();
+    let lost = [
+        (volume && (surface || format == Npy), "tetrahedra"),
+        (!mesh.faces.is_empty() && (format == Npy || format == TetGen && volume), "faces"),
+        (!mesh.edges.is_empty() && matches!(format, TetGen | Npy | Stl | Off), "edges"),
+        (regions && (surface || format == Npy), "regions"),
+        (!fields.point.is_empty() && !matches!(format, Vtk | Vtu | Ply), "point arrays"),
+        (!fields.cell.is_empty() && !(matches!(format, Vtk | Vtu) || format == Ply && !volume), "cell arrays"),
+        (format == Stl, "vertex numbers"),
+        (mesh.planar && !matches!(format, TetGen | Medit), "that the mesh is planar"),
+    ];
+    Ok(lost.into_iter().filter(|l| l.0).map(|(_, what)| what).collect())
 }
 
-fn require_triangles(path: &Path, mesh: &Mesh) -> Result<()> {
-    match mesh.faces.iter().position(|p| p.len() != 3) {
+/// Checks that no face has more corners than the format can hold.
+fn require_corners(path: &Path, mesh: &Mesh, most: usize) -> Result<()> {
+    match mesh.faces.iter().position(|p| p.len() > most) {
         None => Ok(()),
         Some(i) => Err(MeshError::new(
             ErrorKind::Unsupported,
             display(path),
-            format!("its format has no polygons, and face {i} has {} vertices", mesh.faces.get(i).len()),
+            format!("its format takes faces of at most {most} vertices, and this one has {}", mesh.faces.get(i).len()),
             "write .obj, .ply, .off, .vtk or .vtu",
-        )),
+        )
+        .at_item(Item::Face(i))),
     }
 }
 

@@ -48,11 +48,6 @@ impl<'a> Text<'a> {
         Text { file, data, pos, line }
     }
 
-    /// The position, in bytes from the start of `data`.
-    pub fn position(&self) -> usize {
-        self.pos
-    }
-
     /// The 1-based number of the current line.
     pub fn line_number(&self) -> usize {
         self.line
@@ -113,6 +108,42 @@ impl<'a> Text<'a> {
     /// The next word without moving on.
     pub fn peek_word(&self) -> Option<&'a [u8]> {
         self.clone().next_word()
+    }
+
+    /// The rest of the current line, raw.
+    pub fn take_line(&mut self) -> &'a [u8] {
+        let rest = &self.data[self.pos..];
+        let len = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
+        self.pos = (self.pos + len + 1).min(self.data.len());
+        self.line += 1;
+        rest[..len].trim_ascii_end()
+    }
+
+    /// Skips to the end of the current paragraph: past the next blank line.
+    pub fn skip_paragraph(&mut self) {
+        self.take_line();
+        while self.pos < self.data.len() && !self.take_line().is_empty() {}
+    }
+
+    /// The next `n` bytes, raw.
+    pub fn take_bytes(&mut self, n: usize, what: &str) -> Result<&'a [u8]> {
+        match self.data[self.pos..].get(..n) {
+            Some(bytes) => {
+                self.pos += n;
+                Ok(bytes)
+            }
+            None => Err(self.truncated(what)),
+        }
+    }
+
+    /// Skips past the next occurrence of `word`; false if there is none.
+    pub fn skip_past(&mut self, word: &[u8]) -> bool {
+        let found = self.data[self.pos..].windows(word.len()).position(|w| w == word);
+        if let Some(at) = found {
+            self.line += self.data[self.pos..self.pos + at].iter().filter(|&&b| b == b'\n').count();
+            self.pos += at + word.len();
+        }
+        found.is_some()
     }
 
     /// The next word, or the error that the file ended before `what`.
