@@ -46,7 +46,7 @@ fn blocks<const N: usize>(class: Class) -> Vec<[[f64; LANES]; N]> {
 
 /// A lane function of N components to M components.
 trait Function<const N: usize, const M: usize> {
-    fn of<T: Real>(a: [T; N]) -> [T; M];
+    fn of<T: Real>(a: [T; N], out: &mut [T; M]);
 }
 
 struct Lanes<'a, F, const N: usize, const M: usize>(&'a [[[f64; LANES]; N]], std::marker::PhantomData<F>);
@@ -55,17 +55,14 @@ impl<F: Function<N, M>, const N: usize, const M: usize> Kernel for Lanes<'_, F, 
     type Output = ();
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let mut ring = [[[0.0; LANES]; M]; 4];
+        let mut ring = [[F8::<I>::zero(); M]; 4];
         for (b, a) in self.0.iter().enumerate() {
             // Loops, not closures: those would be compiled without the instruction set.
-            let mut lanes = [F8::<I>::zero(); N];
+            let mut lanes = [F8::zero(); N];
             for k in 0..N {
                 lanes[k] = F8::load(&a[k]);
             }
-            let out = F::of(lanes);
-            for k in 0..M {
-                out[k].store(&mut ring[b % 4][k]);
-            }
+            F::of(lanes, &mut ring[b % 4]);
             divan::black_box(&mut ring);
         }
     }
@@ -77,7 +74,9 @@ impl<F: Function<N, M>, const N: usize, const M: usize> Scalars<'_, F, N, M> {
     fn run(self) {
         for a in self.0 {
             for l in 0..LANES {
-                divan::black_box(F::of::<f64>(std::array::from_fn(|k| a[k][l])));
+                let mut out = [0.0; M];
+                F::of::<f64>(std::array::from_fn(|k| a[k][l]), &mut out);
+                divan::black_box(&mut out);
             }
         }
     }
@@ -91,11 +90,11 @@ fn at<F: Function<N, M>, const N: usize, const M: usize>(bencher: Bencher<'_, '_
 }
 
 macro_rules! function {
-    ($module:ident $name:ident $n:literal $m:literal |$a:ident| $body:expr) => {
+    ($module:ident $name:ident $n:literal $m:literal |$a:ident, $out:ident| $body:expr) => {
         struct $name;
         impl Function<$n, $m> for $name {
             #[inline(always)]
-            fn of<T: Real>($a: [T; $n]) -> [T; $m] {
+            fn of<T: Real>($a: [T; $n], $out: &mut [T; $m]) {
                 $body
             }
         }
@@ -138,42 +137,41 @@ fn rows<T: Real, const N: usize, const R: usize, const C: usize>(a: [T; N]) -> [
 
 /// All factors after each other.
 #[inline(always)]
-fn flat<T: Real, const R: usize, const C: usize, const M: usize>(d: &Svd<T, R, C>) -> [T; M] {
-    let mut out = [T::zero(); M];
-    for k in 0..M {
-        out[k] = if k < R * R {
-            d.u[k / R][k % R]
-        } else if k < R * R + C {
-            d.s[k - R * R]
-        } else {
-            d.v[(k - R * R - C) / C][(k - R * R - C) % C]
-        };
-    }
-    out
+fn put<T: Real, const R: usize, const C: usize>(d: &Svd<T, R, C>, out: &mut [T]) {
+    put_rows(&d.u, &mut out[..R * R]);
+    put_rows(&[d.s], &mut out[R * R..R * R + C]);
+    put_rows(&d.v, &mut out[R * R + C..]);
 }
 
-function!(lanes_svd3 Svd3 9 21 |a| flat(&svd3(rows::<T, 9, 3, 3>(a))));
-function!(lanes_svd3_quat Svd3Quat 9 11 |a| {
-    let (u, s, v) = svd3_quat(rows::<T, 9, 3, 3>(a));
-    [u[0], u[1], u[2], u[3], s[0], s[1], s[2], v[0], v[1], v[2], v[3]]
-});
-function!(lanes_svd32 Svd32 6 15 |a| flat(&svd32(rows::<T, 6, 3, 2>(a))));
-function!(lanes_svd2 Svd2 4 10 |a| flat(&svd2(rows::<T, 4, 2, 2>(a))));
-function!(lanes_svd31 Svd31 3 11 |a| flat(&svd31(rows::<T, 3, 3, 1>(a))));
-function!(lanes_svd21 Svd21 2 6 |a| flat(&svd21(rows::<T, 2, 2, 1>(a))));
-function!(lanes_eig3 Eig3 6 12 |a| {
-    let d = eig3_sym(a);
-    let mut out = [T::zero(); 12];
-    for k in 0..12 {
-        out[k] = if k < 9 { d.q[k / 3][k % 3] } else { d.lambda[k - 9] };
+#[inline(always)]
+fn put_rows<T: Real, const R: usize, const C: usize>(m: &[[T; C]; R], out: &mut [T]) {
+    for r in 0..R {
+        for c in 0..C {
+            out[C * r + c] = m[r][c];
+        }
     }
-    out
+}
+
+function!(lanes_svd3 Svd3 9 21 |a, out| put(&svd3(rows::<T, 9, 3, 3>(a)), out));
+function!(lanes_svd3_quat Svd3Quat 9 11 |a, out| {
+    let (u, s, v) = svd3_quat(rows::<T, 9, 3, 3>(a));
+    *out = [u[0], u[1], u[2], u[3], s[0], s[1], s[2], v[0], v[1], v[2], v[3]];
 });
-function!(lanes_eig2 Eig2 3 6 |a| {
+function!(lanes_svd32 Svd32 6 15 |a, out| put(&svd32(rows::<T, 6, 3, 2>(a)), out));
+function!(lanes_svd2 Svd2 4 10 |a, out| put(&svd2(rows::<T, 4, 2, 2>(a)), out));
+function!(lanes_svd31 Svd31 3 11 |a, out| put(&svd31(rows::<T, 3, 3, 1>(a)), out));
+function!(lanes_svd21 Svd21 2 6 |a, out| put(&svd21(rows::<T, 2, 2, 1>(a)), out));
+function!(lanes_eig3 Eig3 6 12 |a, out| {
+    let d = eig3_sym(a);
+    put_rows(&d.q, &mut out[..9]);
+    put_rows(&[d.lambda], &mut out[9..]);
+});
+function!(lanes_eig2 Eig2 3 6 |a, out| {
     let d = eig2_sym(a);
-    [d.q[0][0], d.q[0][1], d.q[1][0], d.q[1][1], d.lambda[0], d.lambda[1]]
+    put_rows(&d.q, &mut out[..4]);
+    put_rows(&[d.lambda], &mut out[4..]);
 });
-function!(lanes_max_eigenvalue3 Max3 6 1 |a| [max_eigenvalue3(a)]);
+function!(lanes_max_eigenvalue3 Max3 6 1 |a, out| out[0] = max_eigenvalue3(a));
 
 #[divan::bench(args = CLASSES)]
 fn batch_svd3(bencher: Bencher<'_, '_>, class: Class) {

@@ -32,6 +32,9 @@ pub struct M8<I: Isa>(I::M);
 
 /// A computation over lanes; `run` must be `#[inline(always)]`, and so must all that it calls in its
 /// hot loop, so that it is compiled for the instruction set of `I`.
+///
+/// Closures are not: those given to `array::map` or `array::from_fn` are compiled for the baseline, and every operation on
+/// lanes in them stays a call. Loops over small arrays do not have this trap.
 pub trait Kernel {
     /// What the computation returns.
     type Output;

@@ -59,21 +59,23 @@ pub(super) struct Apart<T: Real> {
     pub b: [T; 6],
     /// The eigenvalue of B that stands apart, sqrt 3 <= |beta| <= 2.
     pub beta: T,
-    /// Its unit eigenvector.
-    pub w: [T; 3],
+    /// Its eigenvector, of length at least 2.
+    pub along: [T; 3],
+    /// 1 / |along|
+    pub inverse: T,
     /// Whether it is the largest one (else the smallest).
     pub largest: T::Mask,
 }
 
-/// The eigenvalue of S that stands apart, and its eigenvector. Entries of S at most about 100.
+/// The eigenvalue of S that stands apart, and its eigenvector. Entries of S at most about 100; `poison` is 0 or NaN.
 ///
 /// B has the characteristic polynomial x^3 - 3 x - det B. Its largest root is at least sqrt 3 from the others where
 /// det B >= 0, and its smallest one is where det B < 0, so that both the root and its eigenvector are well conditioned.
 /// adj(B - beta I) is w w^T times the product of the two gaps, at least 6; its column with the largest diagonal entry
 /// gives w (after Eberly 2014, "A robust eigensolver for 3x3 symmetric matrices").
 #[inline(always)]
-pub(super) fn apart<T: Real>(s: [T; 6]) -> Apart<T> {
-    const SMALLEST: f64 = 1e-200;
+pub(super) fn apart<T: Real>(s: [T; 6], poison: T) -> Apart<T> {
+    const SMALLEST: f64 = 1e-120;
     let mean = (s[0] + s[1] + s[2]) * (1.0 / 3.0);
     let d = [s[0] - mean, s[1] - mean, s[2] - mean];
     let off = [s[3], s[4], s[5]];
@@ -82,17 +84,20 @@ pub(super) fn apart<T: Real>(s: [T; 6]) -> Apart<T> {
     let inverse = square.max(T::splat(SMALLEST)).rsqrt();
     let spread = square * inverse;
     let inverse = T::select(multiple, T::zero(), inverse);
-    let b = times([d[0], d[1], d[2], s[3], s[4], s[5]], inverse);
-    let [xx, yy, zz, xy, xz, yz] = b;
+    // The determinant before the division by the spread, which takes its time.
     let det = {
+        let ([xx, yy, zz], [xy, xz, yz]) = (d, off);
         let x = yy.mul_add(zz, -(yz * yz));
         let y = xy.mul_add(zz, -(yz * xz));
         let z = xy.mul_add(yz, -(yy * xz));
         xx.mul_add(x, xz.mul_add(z, -(xy * y)))
     };
     let largest = det.ge(T::zero());
-    let root = separated_root((det.abs() * 0.5).min(T::one()));
+    let half = (det.abs() * 0.5) * inverse * (inverse * inverse);
+    let root = separated_root(half.min(T::one())) + poison;
     let beta = T::select(largest, root, -root);
+    let b = times([d[0], d[1], d[2], s[3], s[4], s[5]], inverse);
+    let [xx, yy, zz, xy, xz, yz] = b;
     // Adjugate of B - beta I.
     let (x, y, z) = (xx - beta, yy - beta, zz - beta);
     let axx = y.mul_add(z, -(yz * yz));
@@ -104,8 +109,7 @@ pub(super) fn apart<T: Real>(s: [T; 6]) -> Apart<T> {
     let column = choose(axx.ge(ayy), [axx, axy, axz], [axy, ayy, ayz]);
     let column = choose(azz.gt(axx.max(ayy)), [axz, ayz, azz], column);
     let inverse = dot(column, column).rsqrt();
-    let w = times(column, inverse);
-    Apart { mean, spread, b, beta, w, largest }
+    Apart { mean, spread, b, beta, along: column, inverse, largest }
 }
 
 /// The 2x2 matrix that is left of B in an orthonormal basis (e, f) of the complement of w.
@@ -130,7 +134,8 @@ impl<T: Real> Rest<T> {
 #[inline(always)]
 pub fn eig3_sym<T: Real>(a: [T; 6]) -> Eigen<T, 3> {
     let scaled = scale([a]);
-    let Apart { mean, spread, b, beta, w, largest } = apart(scaled.a[0]);
+    let Apart { mean, spread, b, beta, along, inverse, largest } = apart(scaled.a[0], scaled.poison);
+    let w = times(along, inverse);
     let (e, f) = complete(w);
     let rest = Rest::of(&b, e, f);
     let (turn, square, radius) = half_angle((rest.ee - rest.ff) * 0.5, rest.ef);
@@ -149,7 +154,8 @@ pub fn eig3_sym<T: Real>(a: [T; 6]) -> Eigen<T, 3> {
 #[inline(always)]
 pub fn max_eigenvalue3<T: Real>(a: [T; 6]) -> T {
     let scaled = scale([a]);
-    let Apart { mean, spread, b, beta, w, largest } = apart(scaled.a[0]);
+    let Apart { mean, spread, b, beta, along, inverse, largest } = apart(scaled.a[0], scaled.poison);
+    let w = times(along, inverse);
     // Where the smallest one stands apart, the characteristic polynomial gives a double largest root to half the digits
     // only, so that it is taken from the 2x2 matrix that is left.
     let (e, f) = complete(w);
@@ -165,7 +171,7 @@ pub fn max_eigenvalue3<T: Real>(a: [T; 6]) -> T {
 pub fn eig2_sym<T: Real>(a: [T; 3]) -> Eigen<T, 2> {
     let scaled = scale([a]);
     let [xx, yy, xy] = scaled.a[0];
-    let (turn, square, radius) = half_angle((xx - yy) * 0.5, xy);
+    let (turn, square, radius) = half_angle((xx - yy) * 0.5 + scaled.poison, xy);
     let unit = square.rsqrt();
     let (c, s) = (turn.c * unit, turn.s * unit);
     let middle = (xx + yy) * 0.5;

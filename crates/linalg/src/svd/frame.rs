@@ -94,7 +94,7 @@ pub(super) fn complete<T: Real>(n: [T; 3]) -> ([T; 3], [T; 3]) {
 pub(super) fn normalise<T: Real, const N: usize>(v: [T; N]) -> ([T; N], T) {
     const SMALLEST: f64 = 1e-200;
     let square = dot(v, v);
-    // `lt` is false for NaN, which therefore stays NaN.
+    // False for NaN, which therefore stays NaN.
     let zero = square.lt(T::splat(SMALLEST));
     let inverse = square.max(T::splat(SMALLEST)).rsqrt();
     let mut axis = [T::zero(); N];
@@ -104,43 +104,42 @@ pub(super) fn normalise<T: Real, const N: usize>(v: [T; N]) -> ([T; N], T) {
 }
 
 /// A matrix scaled by a power of two so that its largest entry lies in [1, 2).
-pub(super) struct Scaled<T: Real, const R: usize, const C: usize> {
-    /// The scaled matrix: 0 stays 0, entries above 2^1023 become up to 4.
+pub(super) struct Scaled<T, const R: usize, const C: usize> {
+    /// The scaled matrix: 0 stays 0, entries above 2^1023 become up to 4, subnormal ones are from 2^-52.
     pub a: [[T; C]; R],
     /// The factor that brings its stretches back.
     pub back: T,
-    /// Whether all entries are 0.
-    pub zero: T::Mask,
+    /// 0, or NaN where an entry is NaN or infinite, for the caller to add where it reaches all results.
+    pub poison: T,
 }
 
-/// Scales by the largest entry; lanes with a NaN or an infinity become NaN.
+/// Scales by the largest entry.
 #[inline(always)]
 pub(super) fn scale<T: Real, const R: usize, const C: usize>(a: [[T; C]; R]) -> Scaled<T, R, C> {
-    let mut largest = T::splat(f64::MIN_POSITIVE);
+    // Four chains each, for the sake of latency.
+    let mut largest = [T::splat(f64::MIN_POSITIVE); 4];
     for r in 0..R {
         for c in 0..C {
-            largest = largest.max(a[r][c].abs());
+            let k = (r * C + c) % 4;
+            largest[k] = largest[k].max(a[r][c].abs());
         }
     }
+    let largest = largest[0].max(largest[1]).max(largest[2].max(largest[3]));
     // 2^-1023 would be subnormal; the cap leaves entries below 4.
     let exponent = largest.exponent_and_mantissa().0.min(T::splat(1022.0));
     let down = (-exponent).exp2_int();
-    let mut sum = T::zero();
     let mut scaled = a;
+    let mut squares = [T::zero(); 4];
     for r in 0..R {
         for c in 0..C {
-            scaled[r][c] = a[r][c] * down;
-            sum = scaled[r][c].mul_add(scaled[r][c], sum);
+            let x = a[r][c] * down;
+            let k = (r * C + c) % 4;
+            squares[k] = x.mul_add(x, squares[k]);
+            scaled[r][c] = x;
         }
     }
     // `max` may pass over NaN, and 2^-exponent of an infinity is unspecified, but the sum of squares
     // is below 16 R C for finite entries only.
-    let finite = sum.le(T::splat((16 * R * C) as f64));
-    let poison = T::select(finite, T::zero(), T::splat(f64::NAN));
-    for r in 0..R {
-        for c in 0..C {
-            scaled[r][c] += poison;
-        }
-    }
-    Scaled { a: scaled, back: exponent.exp2_int(), zero: sum.le(T::zero()) }
+    let finite = ((squares[0] + squares[1]) + (squares[2] + squares[3])).le(T::splat((16 * R * C) as f64));
+    Scaled { a: scaled, back: exponent.exp2_int(), poison: T::select(finite, T::zero(), T::splat(f64::NAN)) }
 }

@@ -18,6 +18,17 @@
 //!
 //! Any finite matrix is accepted: it is scaled by a power of two of its largest entry. A lane with a NaN or an infinite
 //! entry gives NaN in all its results.
+//!
+//! ```
+//! use proxel_linalg::svd::{rotation, svd3};
+//! // A quarter turn about z, after a stretch by 2 along x and a mirror along z.
+//! let svd = svd3([[0.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, -0.5]]);
+//! let turn = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+//! for k in 0..3 {
+//!     assert!((svd.s[k] - [2.0, 1.0, -0.5][k]).abs() < 1e-14);
+//!     assert!((0..3).all(|l| (rotation(&svd)[k][l] - turn[k][l]).abs() < 1e-14));
+//! }
+//! ```
 
 mod batch;
 pub mod eigen;

@@ -52,7 +52,8 @@ pub(super) fn svd2_scaled<T: Real>(m: [[T; 2]; 2]) -> (Turn<T>, [T; 2], Turn<T>)
 #[inline(always)]
 pub fn svd2<T: Real>(a: [[T; 2]; 2]) -> Svd<T, 2, 2> {
     let scaled = scale(a);
-    let (phi, s, theta) = svd2_scaled(scaled.a);
+    let [[xx, xy], yrow] = scaled.a;
+    let (phi, s, theta) = svd2_scaled([[xx + scaled.poison, xy], yrow]);
     Svd {
         u: [[phi.c, -phi.s], [phi.s, phi.c]],
         s: [s[0] * scaled.back, s[1] * scaled.back],

@@ -2,7 +2,9 @@
 
 use super::Svd;
 use super::eigen::{Apart, apart};
-use super::frame::{apply, blend, choose, columns, complete, cross, dot, from_columns, normalise, scale};
+use super::frame::{
+    Scaled, apply, blend, choose, columns, complete, cross, dot, from_columns, normalise, scale, times,
+};
 use super::plane::svd2_scaled;
 use crate::simd::Real;
 
@@ -16,24 +18,24 @@ use crate::simd::Real;
 /// (w, e, f) take A to s_w next to a 2x2 matrix, up to machine precision.
 #[inline(always)]
 pub fn svd3<T: Real>(a: [[T; 3]; 3]) -> Svd<T, 3, 3> {
-    let scaled = scale(a);
-    let mut a = scaled.a;
-    // Zero counts as diag(1, 0, 0), and its stretches are multiplied by 0.
-    a[0][0] = T::select(scaled.zero, T::one(), a[0][0]);
-    let back = T::select(scaled.zero, T::zero(), scaled.back);
-
+    let Scaled { a, back, poison } = scale(a);
     let [x, y, z] = columns(a);
-    let Apart { w, largest, .. } = apart([dot(x, x), dot(y, y), dot(z, z), dot(x, y), dot(x, z), dot(y, z)]);
+    let square = [dot(x, x), dot(y, y), dot(z, z), dot(x, y), dot(x, z), dot(y, z)];
+    let Apart { along, inverse, largest, .. } = apart(square, poison);
+    // A e x A f = cof(A) w. Both candidates for z come from w before it is normalised: the two chains run side by side.
+    let cofactors = from_columns([cross(y, z), cross(z, x), cross(x, y)]);
+    let image = apply(&a, along);
+    let (z, _) = normalise(choose(largest, image, apply(&cofactors, along)));
+    let w = times(along, inverse);
     let (e, f) = complete(w);
-    let (aw, ae, af) = (apply(&a, w), apply(&a, e), apply(&a, f));
-    let (z, _) = normalise(choose(largest, aw, cross(ae, af)));
+    let (ae, af) = (apply(&a, e), apply(&a, f));
     let (p, q) = complete(z);
     let (phi, rest, theta) = svd2_scaled([[dot(p, ae), dot(p, af)], [dot(q, ae), dot(q, af)]]);
     let (u_high, u_low) = (blend(phi.c, p, phi.s, q), blend(phi.c, q, -phi.s, p));
     let (v_high, v_low) = (blend(theta.c, e, theta.s, f), blend(theta.c, f, -theta.s, e));
 
     // The maximum and minimum only undo rounding where stretches are equal.
-    let own = dot(z, aw);
+    let own = dot(z, image) * inverse;
     let first = T::select(largest, own.max(rest[0]), rest[0]);
     let second = T::select(largest, rest[0], rest[1]);
     let third = T::select(largest, rest[1], own);

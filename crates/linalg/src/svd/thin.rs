@@ -1,7 +1,7 @@
 //! Thin matrices: 3x2 (a triangle in space) and single columns (a spring).
 
 use super::Svd;
-use super::frame::{blend, columns, complete, cross, dot, from_columns, normalise, scale};
+use super::frame::{Scaled, blend, columns, complete, cross, dot, from_columns, normalise, scale};
 use super::plane::svd2_scaled;
 use crate::simd::Real;
 
@@ -14,7 +14,8 @@ use crate::simd::Real;
 #[inline(always)]
 pub fn svd32<T: Real>(a: [[T; 2]; 3]) -> Svd<T, 3, 2> {
     let scaled = scale(a);
-    let [a0, a1] = columns(scaled.a);
+    let [mut a0, a1] = columns(scaled.a);
+    a0[0] += scaled.poison;
     let (x, length) = normalise(a0);
     let (e, f) = complete(x);
     let (across, height) = normalise([dot(e, a1), dot(f, a1)]);
@@ -34,7 +35,7 @@ pub fn svd32<T: Real>(a: [[T; 2]; 3]) -> Svd<T, 3, 2> {
 #[inline(always)]
 pub fn svd31<T: Real>(a: [[T; 1]; 3]) -> Svd<T, 3, 1> {
     let scaled = scale(a);
-    let (n, length) = normalise(columns(scaled.a)[0]);
+    let (n, length) = normalise(with_poison(&scaled));
     let (e, f) = complete(n);
     Svd { u: from_columns([n, e, f]), s: [length * scaled.back], v: [[one_or_nan(length)]] }
 }
@@ -43,8 +44,18 @@ pub fn svd31<T: Real>(a: [[T; 1]; 3]) -> Svd<T, 3, 1> {
 #[inline(always)]
 pub fn svd21<T: Real>(a: [[T; 1]; 2]) -> Svd<T, 2, 1> {
     let scaled = scale(a);
-    let ([c, s], length) = normalise(columns(scaled.a)[0]);
+    let ([c, s], length) = normalise(with_poison(&scaled));
     Svd { u: [[c, -s], [s, c]], s: [length * scaled.back], v: [[one_or_nan(length)]] }
+}
+
+/// The only column, NaN where the poison is.
+#[inline(always)]
+fn with_poison<T: Real, const R: usize>(scaled: &Scaled<T, R, 1>) -> [T; R] {
+    let [mut column] = columns(scaled.a);
+    for k in 0..R {
+        column[k] += scaled.poison;
+    }
+    column
 }
 
 /// 1, or NaN where the argument is.

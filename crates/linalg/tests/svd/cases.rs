@@ -56,7 +56,7 @@ pub fn product<const R: usize, const K: usize, const C: usize>(a: &[[f64; K]; R]
 fn stretches<const C: usize>(random: &mut Random) -> [f64; C] {
     let tiny = random.power(-20.0, 0.0);
     let equal = [1.0, 1.0 + tiny, 1.0 - tiny * random.uniform()];
-    let three = match random.below(14) {
+    let three = match random.below(15) {
         0 => [1.0, 1.0, 1.0],
         1 => equal,
         2 => [1.0, 1.0 + tiny, random.power(-18.0, 2.0)],
@@ -70,6 +70,11 @@ fn stretches<const C: usize>(random: &mut Random) -> [f64; C] {
         10 => [1.0, 1.0, tiny],
         11 => [1.0, 1.0 + tiny, -1.0],
         12 => [1.0, 0.5 + tiny, -0.5],
+        13 => {
+            // The middle square is almost the mean of the others: which eigenvalue stands apart is undecided.
+            let third = random.uniform();
+            [1.0, (0.5 * (1.0 + third * third)).sqrt() + random.signed() * tiny, third]
+        }
         _ => [random.signed(), random.signed(), random.signed()],
     };
     let turn = random.below(3) as usize;

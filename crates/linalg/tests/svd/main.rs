@@ -178,3 +178,45 @@ fn columns_are_accurate_for_all_classes() {
     sweep::<3, 1>(cases(), 1e-14);
     sweep::<2, 1>(cases(), 1e-14);
 }
+
+#[test]
+fn stretches_are_known_to_machine_precision_of_the_largest() {
+    let mut random = Random(13);
+    for s in [[1.0, 1e-5, 1e-10], [1.0, 1e-8, -1e-8], [1.0, 1.0, 1e-12], [1.0, 0.25, 0.0], [1.0, 1.0, -1.0]] {
+        for _ in 0..5000 {
+            // Two proper rotations, so that the sign of the last stretch stays.
+            let [u, v] = [0, 1].map(|_| {
+                let mut q: [[f64; 3]; 3] = random.orthonormal();
+                if determinant(&q) < 0.0 {
+                    q = q.map(|row| row.map(|x| -x));
+                }
+                q
+            });
+            let us: [[f64; 3]; 3] = std::array::from_fn(|r| std::array::from_fn(|c| u[r][c] * s[c]));
+            let a = cases::product(&us, &v);
+            for level in everywhere() {
+                let d = decompose(level, &[a])[0];
+                for k in 0..3 {
+                    assert!((d.s[k] - s[k]).abs() <= 2e-15, "{level:?}: {:?}, not {s:?}", d.s);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn third_direction_of_a_triangle_is_its_normal() {
+    let mut random = Random(17);
+    for _ in 0..20_000 {
+        let a: [[f64; 2]; 3] = random.matrix();
+        let normal: [f64; 3] = std::array::from_fn(|k| {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            a[i][0] * a[j][1] - a[j][0] * a[i][1]
+        });
+        let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let u = svd32(a).u;
+        for k in 0..3 {
+            assert!((u[k][2] * length - normal[k]).abs() < 1e-14, "{a:?}: {u:?}");
+        }
+    }
+}
