@@ -67,8 +67,9 @@ impl Octopus {
     }
 }
 
-/// Points on each axis.
+/// Points on each axis, and the segments that share one bounding ball.
 const AXIS_POINTS: usize = 33;
+const CHUNK: usize = 4;
 /// Radii of an arm at the body and at the tip.
 const ARM_RADII: (f64, f64) = (0.25, 0.1);
 /// The least radius in cells: a thinner tip would fall apart.
@@ -100,7 +101,7 @@ pub fn octopus(settings: &OctopusSettings) -> Result<Octopus> {
         let mut arms = f64::INFINITY;
         for tube in &tubes {
             // Beyond the blending distance a tube changes nothing, and most are.
-            if tube.lower_bound(p) < arms + BLEND {
+            if tube.whole.distance(p) < arms + BLEND {
                 arms = smooth_min(arms, tube.distance(p).0, 0.5 * BLEND);
             }
         }
@@ -165,8 +166,27 @@ fn smooth_min(a: f64, b: f64, k: f64) -> f64 {
 struct Tube {
     axis: Vec<V3>,
     radii: Vec<f64>,
-    middle: V3, // of a ball that holds the axis
-    reach: f64, // its radius, tube included
+    whole: Bound,
+    chunks: Vec<Bound>, // of CHUNK segments each
+}
+
+/// A ball that holds a part of a tube.
+struct Bound {
+    centre: V3,
+    reach: f64,
+}
+
+impl Bound {
+    fn new(axis: &[V3], radii: &[f64]) -> Self {
+        let centre = lerp(axis[0], axis[axis.len() - 1], 0.5);
+        let reach = |(&p, &r): (&V3, &f64)| norm(sub(p, centre)) + r;
+        Bound { centre, reach: axis.iter().zip(radii).map(reach).fold(0.0, f64::max) }
+    }
+
+    /// The tube is no closer than this.
+    fn distance(&self, p: V3) -> f64 {
+        norm(sub(p, self.centre)) - self.reach
+    }
 }
 
 impl Tube {
@@ -186,27 +206,29 @@ impl Tube {
         let t = |i: usize| i as f64 / (AXIS_POINTS - 1) as f64;
         let axis: Vec<V3> = (0..AXIS_POINTS).map(|i| bezier(control, t(i))).collect();
         let tip = ARM_RADII.1.max(LEAST_RADIUS * settings.cell);
-        let radii = (0..AXIS_POINTS).map(|i| ARM_RADII.0 + (tip - ARM_RADII.0) * t(i).powf(0.8)).collect();
-        let middle = lerp(axis[0], axis[AXIS_POINTS - 1], 0.5);
-        let reach = axis.iter().map(|&p| norm(sub(p, middle))).fold(0.0, f64::max) + ARM_RADII.0;
-        Tube { axis, radii, middle, reach }
-    }
-
-    fn lower_bound(&self, p: V3) -> f64 {
-        norm(sub(p, self.middle)) - self.reach
+        let radii: Vec<f64> = (0..AXIS_POINTS).map(|i| ARM_RADII.0 + (tip - ARM_RADII.0) * t(i).powf(0.8)).collect();
+        let part = |k: usize| k * CHUNK..(k + 1) * CHUNK + 1;
+        let chunks = (0..(AXIS_POINTS - 1) / CHUNK).map(|k| Bound::new(&axis[part(k)], &radii[part(k)])).collect();
+        let whole = Bound::new(&axis, &radii);
+        Tube { axis, radii, whole, chunks }
     }
 
     /// The distance to the tube's surface (negative inside) and the place along the axis in [0, 1].
     fn distance(&self, p: V3) -> (f64, f64) {
-        let mut best = (f64::INFINITY, 0.0);
-        for i in 0..AXIS_POINTS - 1 {
-            let (a, b) = (self.axis[i], self.axis[i + 1]);
-            let (ab, ap) = (sub(b, a), sub(p, a));
-            let t = (dot(ap, ab) / dot(ab, ab)).clamp(0.0, 1.0);
-            let radius = self.radii[i] + t * (self.radii[i + 1] - self.radii[i]);
-            let d = norm(sub(ap, scale(t, ab))) - radius;
-            if d < best.0 {
-                best = (d, (i as f64 + t) / (AXIS_POINTS - 1) as f64);
+        let mut best: (f64, f64) = (f64::INFINITY, 0.0);
+        for (k, chunk) in self.chunks.iter().enumerate() {
+            if chunk.distance(p) >= best.0 {
+                continue;
+            }
+            for i in k * CHUNK..(k + 1) * CHUNK {
+                let (a, b) = (self.axis[i], self.axis[i + 1]);
+                let (ab, ap) = (sub(b, a), sub(p, a));
+                let t = (dot(ap, ab) / dot(ab, ab)).clamp(0.0, 1.0);
+                let radius = self.radii[i] + t * (self.radii[i + 1] - self.radii[i]);
+                let d = norm(sub(ap, scale(t, ab))) - radius;
+                if d < best.0 {
+                    best = (d, (i as f64 + t) / (AXIS_POINTS - 1) as f64);
+                }
             }
         }
         best

@@ -32,12 +32,12 @@ pub(super) fn smooth(
                 row.iter().map(|&t| mean_ratio(corners(points, tets[t as usize]))).fold(f64::INFINITY, f64::min)
             };
             let before = worst(points);
-            for step in [1.0, 0.5, 0.25] {
-                let mut trial = lerp(here, middle, step);
-                if on_surface[v] {
-                    trial = project(field, trial, cell);
+            for step in [1.0, 0.5] {
+                points[v] = lerp(here, middle, step);
+                // The projection is dear and moves little: only for what promises to be better.
+                if on_surface[v] && worst(points) > before {
+                    points[v] = project(field, points[v], cell);
                 }
-                points[v] = trial;
                 if worst(points) > before {
                     break;
                 }
@@ -62,14 +62,16 @@ fn mean_of_others<const K: usize>(points: &[V3], elements: &[[u32; K]], row: &[u
     (n > 0).then(|| scale(1.0 / f64::from(n), sum))
 }
 
-/// Newton steps along the gradient onto `field` = 0.
-pub(super) fn project(field: &dyn Fn(V3) -> f64, mut p: V3, cell: f64) -> V3 {
-    let h = 1e-5 * cell;
-    for _ in 0..5 {
+/// Chord steps along the gradient at `p` onto `field` = 0.
+fn project(field: &dyn Fn(V3) -> f64, mut p: V3, cell: f64) -> V3 {
+    let g = gradient(field, p, 1e-5 * cell);
+    let g2 = dot(g, g);
+    if g2 == 0.0 {
+        return p;
+    }
+    for _ in 0..20 {
         let f = field(p);
-        let g = gradient(field, p, h);
-        let g2 = dot(g, g);
-        if f.abs() < 1e-12 * cell || g2 == 0.0 {
+        if f.abs() < 1e-11 * cell {
             break;
         }
         p = sub(p, scale(f / g2, g));

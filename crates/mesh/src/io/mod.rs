@@ -242,13 +242,14 @@ pub fn not_carried(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<Vec<&'st
     let surface = matches!(format, Obj | Ply | Stl | Off);
     let volume = !mesh.tets.is_empty();
     let regions = mesh.tet_regions.is_some() || mesh.face_regions.is_some();
+    let cell_arrays = matches!(format, Vtk | Vtu) || (format == Ply && !volume);
     let lost = [
         (volume && (surface || format == Npy), "tetrahedra"),
         (!mesh.faces.is_empty() && (format == Npy || format == TetGen && volume), "faces"),
         (!mesh.edges.is_empty() && matches!(format, TetGen | Npy | Stl | Off), "edges"),
         (regions && (surface || format == Npy), "regions"),
         (!fields.point.is_empty() && !matches!(format, Vtk | Vtu | Ply), "point arrays"),
-        (!fields.cell.is_empty() && !(matches!(format, Vtk | Vtu) || format == Ply && !volume), "cell arrays"),
+        (!fields.cell.is_empty() && !cell_arrays, "cell arrays"),
         (format == Stl, "vertex numbers"),
         (mesh.planar && !matches!(format, TetGen | Medit), "that the mesh is planar"),
     ];

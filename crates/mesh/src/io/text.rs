@@ -229,7 +229,7 @@ impl<'a> Iterator for Line<'a> {
         let blank = |b: &u8| is_space(*b) || *b == b'\\';
         let start = self.rest.iter().position(|b| !blank(b))?;
         let rest = &self.rest[start..];
-        let len = rest.iter().position(|b| blank(b)).unwrap_or(rest.len());
+        let len = rest.iter().position(blank).unwrap_or(rest.len());
         let (word, rest) = rest.split_at(len);
         self.rest = rest;
         Some(word)

@@ -318,10 +318,12 @@ mod write {
     use crate::io::vtk_cells::{REGION, cell_arrays, cell_regions, cells, n_cells};
     use crate::mesh::Mesh;
 
-    /// An array that is still to be written: its attributes, its bytes, and how to write them.
+    type Fill<'a> = Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>;
+
+    /// An array that is declared but still to be written: its length in bytes, and how to write it.
     struct Pending<'a> {
         bytes: u64,
-        fill: Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>,
+        fill: Fill<'a>,
     }
 
     #[derive(Default)]
