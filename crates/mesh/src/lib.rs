@@ -18,7 +18,7 @@ mod vec3;
 pub use error::{ErrorKind, Item, MeshError, Result};
 pub use fields::{Field, Fields};
 pub use io::{
-    Format, atomic_write, check_writable, not_carried, parse_mesh, read_mesh, read_mesh_lenient, read_points,
-    write_mesh,
+    Format, atomic_write, check_output, check_writable, not_carried, parse_mesh, read_mesh, read_mesh_lenient,
+    read_points, write_mesh,
 };
 pub use mesh::{Mesh, Polygons};

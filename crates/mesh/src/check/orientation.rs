@@ -4,7 +4,7 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::mesh::Mesh;
-use crate::vec3::{Sum, V3, add, cross, det4, norm, sub};
+use crate::vec3::{Sum, V3, cross, det4, norm, sub};
 
 /// Below this mean ratio a tetrahedron counts as a sliver: nearly flat for its edge lengths.
 /// Real scans have them (volumes down to 5e-12 of the largest), so they are a warning only.
@@ -199,11 +199,6 @@ pub fn require_areas(mesh: &Mesh, triangles: &[[u32; 3]]) -> Result<TriangleChec
                 .at_item(Item::Face(first as usize)))
         }
     }
-}
-
-/// The centre of a tetrahedron.
-pub fn centroid([a, b, c, d]: [V3; 4]) -> V3 {
-    add(add(a, b), add(c, d)).map(|x| 0.25 * x)
 }
 
 #[cfg(test)]

@@ -2,12 +2,12 @@
 
 use std::fmt;
 
-use super::orientation::{check_tets, check_triangles, volume_error};
+use super::orientation::{TetCheck, check_tets, check_triangles, require_volumes, volume_error};
 use super::quality::{Spread, TetQuality, tet_quality, triangle_angles};
 use super::surface::{SurfaceTopology, surface_topology};
-use crate::error::{Item, MeshError};
+use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::mesh::{Mesh, repeated};
-use crate::topology::{self, mesh_components, tet_faces};
+use crate::topology::{self, Components, mesh_components, tet_faces};
 use crate::vec3::{norm, sub};
 
 /// How bad a problem is.
@@ -132,12 +132,7 @@ fn shapes(mesh: &Mesh, report: &mut Report) {
         if let Some(e) = volume_error(mesh, &check) {
             report.problems.push(error(&e, check.negative.len() + check.zero.len()));
         }
-        if let Some(&first) = check.slivers.first() {
-            let (n, of) = (check.slivers.len(), mesh.tets.len());
-            let item = Item::Tetrahedron(first as usize);
-            let text = format!("{n} of {of} tetrahedra are slivers, the first is {item}; they slow convergence down");
-            report.problems.push(warning(Some(item), n, text));
-        }
+        report.problems.extend(sliver_warning(mesh, &check));
     }
     let triangles = topology::surface(mesh).fan_triangles();
     if !triangles.is_empty() {
@@ -181,12 +176,7 @@ fn connectivity(mesh: &Mesh, report: &mut Report) {
     let components = mesh_components(mesh);
     report.components = components.count;
     report.unreferenced = components.unreferenced().count();
-    if let Some(first) = components.unreferenced().next() {
-        let (n, item) = (report.unreferenced, Item::Vertex(first as usize));
-        let text =
-            format!("{n} of {} vertices belong to no element, the first is {item}; they stay in place", mesh.n_verts());
-        report.problems.push(warning(Some(item), n, text));
-    }
+    report.problems.extend(unreferenced_warning(&components));
     let tets = mesh.tets.iter().map(|t| t.to_vec());
     let faces = mesh.faces.iter().map(<[u32]>::to_vec);
     for (first, n, is_tet) in [(duplicates(tets), true), (duplicates(faces), false)]
@@ -226,6 +216,42 @@ fn connectivity(mesh: &Mesh, report: &mut Report) {
         report.problems.push(warning(None, n, text));
     }
     report.surface = Some(topology);
+}
+
+/// Whether a body of tetrahedra can be deformed, and what is odd about it all the same: much quicker
+/// than [`diagnose`].
+///
+/// # Errors
+/// Bad indices, a repeated vertex, no tetrahedra, zero or negative volumes; the first of each kind.
+pub fn require_solvable(mesh: &Mesh) -> Result<Vec<Problem>> {
+    mesh.check_indices()?;
+    mesh.check_repeated()?;
+    if mesh.tets.is_empty() {
+        return Err(mesh.error(ErrorKind::Empty, "no tetrahedra", "give a mesh of tetrahedra"));
+    }
+    let check = require_volumes(mesh)?;
+    let components = mesh_components(mesh);
+    Ok(sliver_warning(mesh, &check).into_iter().chain(unreferenced_warning(&components)).collect())
+}
+
+fn sliver_warning(mesh: &Mesh, check: &TetCheck) -> Option<Problem> {
+    let item = Item::Tetrahedron(*check.slivers.first()? as usize);
+    let n = check.slivers.len();
+    let text = format!(
+        "{n} of {} tetrahedra are slivers, the first is {item}; the smallest volume is {:.1e} of the largest; they \
+         slow convergence down",
+        mesh.tets.len(),
+        check.volumes.0 / check.volumes.1
+    );
+    Some(warning(Some(item), n, text))
+}
+
+fn unreferenced_warning(components: &Components) -> Option<Problem> {
+    let item = Item::Vertex(components.unreferenced().next()? as usize);
+    let n = components.unreferenced().count();
+    let of = components.of_vertex.len();
+    let text = format!("{n} of {of} vertices belong to no element, the first is {item}; they stay in place");
+    Some(warning(Some(item), n, text))
 }
 
 /// The first element with the same corners as an earlier one, and how many there are.
@@ -342,6 +368,22 @@ mod tests {
         ] {
             assert!(text.contains(part), "`{part}` is not in\n{text}");
         }
+    }
+
+    #[test]
+    fn solvable_with_warnings() {
+        let mut mesh = beam([2, 1, 1], [2.0, 1.0, 1.0], CellSplit::Five).unwrap();
+        assert!(require_solvable(&mesh).unwrap().is_empty());
+        mesh.points.push([1.0 + 1e-9, 0.0, 0.0]);
+        mesh.points.push([9.0; 3]);
+        mesh.tets.push([2, 5, 11, 12]);
+        crate::check::fix_orientation(&mesh.points, &mut mesh.tets);
+        let warnings = require_solvable(&mesh).unwrap();
+        assert_eq!(warnings.len(), 2, "{warnings:?}");
+        assert!(warnings[0].text.starts_with("1 of 11 tetrahedra are slivers"), "{}", warnings[0]);
+        assert!(warnings[1].text.starts_with("1 of 14 vertices belong to no element"), "{}", warnings[1]);
+        mesh.tets.clear();
+        assert_eq!(require_solvable(&mesh).unwrap_err().kind(), ErrorKind::Empty);
     }
 
     #[test]

@@ -16,7 +16,7 @@ pub struct OctopusSettings {
     /// The number of arms, 1 to 16.
     pub arms: usize,
     /// Edge of a lattice cell, at most 0.2; the number of tetrahedra grows with its inverse cube.
-    /// Arms end in tips of radius 0.1, thicker where the cells are too coarse for that.
+    /// Arms end in tips of radius 0.11, thicker where the cells are too coarse for that.
     pub cell: f64,
 }
 
@@ -71,12 +71,14 @@ impl Octopus {
 const AXIS_POINTS: usize = 33;
 const CHUNK: usize = 4;
 /// Radii of an arm at the body and at the tip.
-const ARM_RADII: (f64, f64) = (0.25, 0.1);
+const ARM_RADII: (f64, f64) = (0.25, 0.11);
+/// The coarsest cell that still shows arms.
+const MOST_CELL: f64 = 0.2;
 /// The least radius in cells: a thinner tip would fall apart.
 const LEAST_RADIUS: f64 = 0.9;
 const MANTLE: (V3, V3) = ([0.0, 0.62, -0.05], [0.56, 0.72, 0.56]); // centre, half axes
 const HEAD: (V3, f64) = ([0.0, 0.02, 0.0], 0.47); // centre, radius
-const EYES: ([V3; 2], f64) = ([[0.27, 0.22, 0.40], [-0.27, 0.22, 0.40]], 0.135);
+const EYES: ([V3; 2], f64) = ([[0.3, 0.42, 0.37], [-0.3, 0.42, 0.37]], 0.165);
 /// Over which distance parts blend.
 const BLEND: f64 = 0.22;
 
@@ -89,7 +91,7 @@ pub fn octopus(settings: &OctopusSettings) -> Result<Octopus> {
         return Err(invalid(format!("{} arms", settings.arms), "give it 1 to 16"));
     }
     positive("the cell size", settings.cell)?;
-    if settings.cell > 2.0 * ARM_RADII.1 {
+    if settings.cell > MOST_CELL {
         return Err(invalid(
             format!("a cell of {} is coarser than the arms are thick", settings.cell),
             "give a cell of at most 0.2",
@@ -153,7 +155,7 @@ fn body(p: V3) -> f64 {
     let mantle = if k2 == 0.0 { -MANTLE.1[0] } else { k1 * (k1 - 1.0) / k2 };
     let head = norm(sub(p, HEAD.0)) - HEAD.1;
     let eyes = EYES.0.iter().map(|&e| norm(sub(p, e)) - EYES.1).fold(f64::INFINITY, f64::min);
-    smooth_min(smooth_min(mantle, head, BLEND), eyes, 0.06)
+    smooth_min(smooth_min(mantle, head, BLEND), eyes, 0.05)
 }
 
 /// The smaller of two distances, rounded over `k` (quadratic; exact where they differ by k or more).

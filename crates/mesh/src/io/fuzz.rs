@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::text::Text;
 use super::{Format, parse_mesh};
-use super::{gmsh, medit, npy, obj, off, ply, stl, tetgen, vtk, vtu};
+use super::{gmsh, medit, npy, obj, off, ply, stl, tetgen, vtk, vtu_write};
 use crate::error::Result;
 use crate::fields::Fields;
 use crate::generate::{CellSplit, beam, cloth};
@@ -23,7 +23,7 @@ fn written(format: Format) -> Vec<u8> {
         Format::Medit => medit::write(&body, &mut out),
         Format::Gmsh => gmsh::write(&body, &mut out),
         Format::Vtk => vtk::write(&body, &fields, &mut out),
-        Format::Vtu => vtu::write(&body, &fields, &mut out),
+        Format::Vtu => vtu_write::write(&body, &fields, &mut out),
         Format::Obj => obj::write(&cloth, &mut out),
         Format::Ply => ply::write(&cloth, &fields, &mut out),
         Format::Stl => stl::write(&cloth, &mut out),

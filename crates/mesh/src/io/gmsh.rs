@@ -4,8 +4,9 @@
 use std::collections::HashMap;
 use std::io::{self, Write};
 
+use super::numbers::{show, write_point};
 use super::scalar::Scalar;
-use super::text::{Text, show, write_point};
+use super::text::Text;
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::mesh::Mesh;
 

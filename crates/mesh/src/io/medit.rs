@@ -4,7 +4,8 @@
 
 use std::io::{self, Write};
 
-use super::text::{Text, parse_f64, show, write_point};
+use super::numbers::{parse_f64, show, write_point};
+use super::text::Text;
 use crate::error::{ErrorKind, Item, Result};
 use crate::mesh::{Mesh, Polygons};
 

@@ -6,6 +6,7 @@ mod fuzz;
 mod gmsh;
 mod medit;
 mod npy;
+mod numbers;
 mod obj;
 mod off;
 mod ply;
@@ -16,6 +17,7 @@ mod text;
 mod vtk;
 mod vtk_cells;
 mod vtu;
+mod vtu_write;
 
 use std::borrow::Cow;
 use std::fs;
@@ -222,13 +224,27 @@ pub fn write_mesh(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<()> {
             })
         }
         Format::Vtk => atomic_write(path, |w| vtk::write(mesh, fields, w)),
-        Format::Vtu => atomic_write(path, |w| vtu::write(mesh, fields, w)),
+        Format::Vtu => atomic_write(path, |w| vtu_write::write(mesh, fields, w)),
         Format::Obj => atomic_write(path, |w| obj::write(mesh, w)),
         Format::Ply => atomic_write(path, |w| ply::write(mesh, fields, w)),
         Format::Stl => atomic_write(path, |w| stl::write(mesh, w)),
         Format::Off => atomic_write(path, |w| off::write(mesh, w)),
         Format::Npy => atomic_write(path, |w| npy::write_points(&mesh.points, w)),
     }
+}
+
+/// Whether a mesh could be written to `path`, for use before hours of work: the extension names a
+/// format and the file (of a TetGen pair both) can be made or replaced.
+///
+/// # Errors
+/// What [`write_mesh`] would report about the path.
+pub fn check_output(path: &Path) -> Result<()> {
+    if Format::from_path(path)? == Format::TetGen {
+        let (node, ele) = tetgen::pair(path);
+        check_writable(&node)?;
+        return check_writable(&ele);
+    }
+    check_writable(path)
 }
 
 /// What of this mesh and its arrays the format of `path` does not carry, in words; empty if the

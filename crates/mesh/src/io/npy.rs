@@ -30,7 +30,7 @@ pub(crate) fn parse_points(file: &str, data: &[u8]) -> Result<Vec<[f64; 3]>> {
         ">f8" => (8, true),
         "<f4" => (4, false),
         ">f4" => (4, true),
-        other => return Err(bad(format!("its numbers are of type {}", super::text::show(other.as_bytes())))),
+        other => return Err(bad(format!("its numbers are of type {}", super::numbers::show(other.as_bytes())))),
     };
     let fortran = value("fortran_order").is_some_and(|v| v.starts_with("True"));
     let shape: Option<Vec<usize>> = value("shape")

@@ -3,8 +3,9 @@
 
 use std::io::{self, Write};
 
+use super::numbers::{BadIndex, parse_int, show, write_point};
 use super::surface_faces;
-use super::text::{BadIndex, Line, Text, parse_int, show, write_point};
+use super::text::{Line, Text};
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::mesh::Mesh;
 

@@ -3,8 +3,9 @@
 
 use std::io::{self, Write};
 
+use super::numbers::{parse_f64, parse_int, show, write_point};
 use super::surface_faces;
-use super::text::{Text, parse_f64, parse_int, show, write_point};
+use super::text::Text;
 use crate::error::{ErrorKind, Item, Result};
 use crate::mesh::Mesh;
 

@@ -3,9 +3,10 @@
 
 use std::io::{self, Write};
 
+use super::numbers::{show, vertex_index};
 use super::scalar::Scalar;
 use super::surface_faces;
-use super::text::{Text, show, vertex_index};
+use super::text::Text;
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::fields::{Field, Fields};
 use crate::mesh::Mesh;
@@ -79,7 +80,7 @@ fn header<'a>(file: &'a str, data: &'a [u8]) -> Result<(Vec<Element>, Body<'a>)>
             ["end_header"] => break,
             ["format", f, _] => format = Some(f),
             ["element", name, n] => {
-                let claimed = super::text::parse_int(n.as_bytes());
+                let claimed = super::numbers::parse_int(n.as_bytes());
                 let claimed = claimed.ok_or_else(|| bad(number, format!("{} is no number", show(n.as_bytes()))))?;
                 elements.push(Element { name: name.to_owned(), claimed, properties: Vec::new() });
             }
@@ -254,7 +255,7 @@ fn read_edges(file: &str, element: &Element, n: usize, body: &mut Body<'_>, mesh
         })?;
         let mut edge = [0; 2];
         for (v, index) in edge.iter_mut().zip(e) {
-            let at = |bad: super::text::BadIndex| body.locate(bad.into_error(file).at_item(Item::Edge(i)));
+            let at = |bad: super::numbers::BadIndex| body.locate(bad.into_error(file).at_item(Item::Edge(i)));
             *v = vertex_index(index, 0).map_err(at)?;
         }
         mesh.edges.push(edge);

@@ -4,9 +4,10 @@
 use std::collections::HashMap;
 use std::io::{self, Write};
 
+use super::numbers::{show, write_point};
 use super::scalar::Scalar;
 use super::surface_faces;
-use super::text::{Text, show, write_point};
+use super::text::Text;
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::mesh::Mesh;
 use crate::vec3::{V3, cross, norm, sub};

@@ -7,7 +7,8 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use super::text::{Text, parse_f64, write_point};
+use super::numbers::{parse_f64, write_point};
+use super::text::Text;
 use super::{display, read_bytes};
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::mesh::Mesh;

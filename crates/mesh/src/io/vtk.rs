@@ -3,8 +3,9 @@
 
 use std::io::{self, Write};
 
+use super::numbers::{show, write_point};
 use super::scalar::Scalar;
-use super::text::{Text, show, write_point};
+use super::text::Text;
 use super::vtk_cells::{Cells, POLYGON, REGION, cell_arrays, cell_regions, cells, is_region, n_cells};
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::fields::Fields;

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::text::vertex_index;
+use super::numbers::vertex_index;
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::fields::{Fields, primary_count};
 use crate::mesh::Mesh;
