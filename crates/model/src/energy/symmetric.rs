@@ -37,7 +37,7 @@ impl<T: Real, const K: usize> Ldlt<T, K> {
             }
             f.definite = f.definite & good;
             d[j] = pivot;
-            f.inverse[j] = pivot.recip();
+            f.inverse[j] = pivot.fast_recip();
             for i in j + 1..K {
                 let mut l = a[i][j];
                 for n in 0..j {

@@ -102,7 +102,7 @@ impl<const K: usize> Energy<K> for SymmetricDirichlet {
             for i in 0..K {
                 let s2 = s[i] * s[i];
                 let upper = (a[i] * s2).mul_add(s[i], q * 4.0) * s[i];
-                let next = (upper / s2.mul_add(s2, q * 3.0)).max(s[i] * 0.25);
+                let next = (upper * s2.mul_add(s2, q * 3.0).fast_recip()).max(s[i] * 0.25);
                 let last = (next - s[i]).abs().le(next * LAST_STEP);
                 s[i] = T::select(done[i], s[i], next);
                 done[i] = done[i] | last;
