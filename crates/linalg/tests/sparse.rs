@@ -1,6 +1,8 @@
 //! The sparse factor and solve against dense Cholesky, over shapes, precisions, thread counts and bad input.
 
-use proxel_linalg::sparse::{Cholesky, Ordering, Scalar, SolveScratch, SparseError, SymPattern, Symbolic};
+use proxel_linalg::sparse::{
+    Cholesky, MixedCholesky, MixedScratch, Ordering, Scalar, SolveScratch, SparseError, SymPattern, Symbolic,
+};
 use std::sync::Arc;
 
 mod common;
@@ -238,11 +240,80 @@ fn renumbering_by_the_order_keeps_the_fill() {
     let m = grid(12, 11, 10, &mut Random(4));
     let symbolic = Symbolic::analyze(&m.pattern, Ordering::Auto).unwrap();
     let inverse = symbolic.permutation().inverse();
-    let edges: Vec<[u32; 2]> = (0..m.n())
-        .flat_map(|j| m.pattern.column(j).iter().map(move |&i| [inverse[i as usize], inverse[j]]))
-        .collect();
+    let edges: Vec<[u32; 2]> =
+        (0..m.n()).flat_map(|j| m.pattern.column(j).iter().map(move |&i| [inverse[i as usize], inverse[j]])).collect();
     let renumbered = SymPattern::from_edges(m.n(), &edges).unwrap();
     let again = Symbolic::analyze(&renumbered, Ordering::Natural).unwrap();
     let (a, b) = (symbolic.factor_nnz() as f64, again.factor_nnz() as f64);
     assert!((a / b - 1.0).abs() < 0.02, "{a} became {b}");
+}
+
+#[test]
+fn single_precision_is_corrected_to_double() {
+    let mut random = Random(13);
+    let m = grid(14, 13, 12, &mut random);
+    let symbolic = Arc::new(Symbolic::analyze(&m.pattern, Ordering::Auto).unwrap());
+    let mut mixed = MixedCholesky::new(&m.pattern, symbolic).unwrap();
+    let mut scratch = MixedScratch::new();
+    assert_eq!(mixed.solve_in_place(&mut vec![0.0; m.n()], 1, 1e-13, &mut scratch), Err(SparseError::NotFactored));
+    mixed.refactor(&m.values).unwrap();
+    for nrhs in [1, 3, 5] {
+        // Right-hand sides of very different size, one of them zero.
+        let b: Vec<f64> = (0..m.n() * nrhs).map(|k| random.unit() * [1.0, 1e-60, 1e80, 0.0, 1e-3][k % nrhs]).collect();
+        let mut x = b.clone();
+        let end = mixed.solve_in_place(&mut x, nrhs, 1e-13, &mut scratch).unwrap();
+        assert!(end.residual <= 1e-13 && end.steps <= 8, "{end:?}");
+        for c in 0..nrhs {
+            let column = |v: &[f64]| v.iter().skip(c).step_by(nrhs).copied().collect::<Vec<f64>>();
+            let r = residual(&m, &column(&x), &column(&b), 1);
+            assert!(r <= 1.1e-13, "column {c} of {nrhs}: {r:e}");
+        }
+    }
+    let impossible = mixed.solve_in_place(&mut vec![1.0; m.n()], 1, 1e-30, &mut scratch);
+    assert!(
+        matches!(impossible, Err(SparseError::NotConverged { residual, .. }) if residual < 1e-13),
+        "{impossible:?}"
+    );
+}
+
+#[test]
+fn analysis_predicts_bytes() {
+    let m = grid(9, 9, 9, &mut Random(8));
+    let symbolic = Arc::new(Symbolic::analyze(&m.pattern, Ordering::Auto).unwrap());
+    assert_eq!(symbolic.factor_bytes::<f64>(), Cholesky::<f64>::new(symbolic.clone()).bytes());
+    assert_eq!(symbolic.factor_bytes::<f32>(), Cholesky::<f32>::new(symbolic.clone()).bytes());
+    assert!(symbolic.factor_bytes::<f64>().0 >= 8 * symbolic.factor_nnz());
+}
+
+#[test]
+fn patterns_are_checked() {
+    let csc = |n, ptr: &[usize], rows: &[u32]| SymPattern::from_lower_csc(n, ptr.to_vec(), rows.to_vec()).map(|_| ());
+    assert_eq!(csc(2, &[0, 2, 3], &[0, 1, 1]), Ok(()));
+    assert_eq!(csc(0, &[0], &[]), Ok(()));
+    assert_eq!(csc(2, &[0, 2], &[0, 1]), Err(SparseError::Length { what: "col_ptr", found: 2, expected: 3 }));
+    assert_eq!(csc(2, &[1, 2, 3], &[0, 1, 1]), Err(SparseError::ColumnPointers { column: 0 }));
+    assert_eq!(csc(2, &[0, 2, 1], &[0, 1, 1]), Err(SparseError::ColumnPointers { column: 1 }));
+    assert_eq!(csc(2, &[0, 9, 3], &[0, 1, 1]), Err(SparseError::ColumnPointers { column: 0 }));
+    assert_eq!(csc(2, &[0, 2, 3], &[0, 1, 1, 1]), Err(SparseError::Length { what: "row_idx", found: 4, expected: 3 }));
+    assert_eq!(csc(2, &[0, 1, 1], &[0]), Err(SparseError::MissingDiagonal { column: 1 }));
+    assert_eq!(csc(2, &[0, 1, 2], &[1, 1]), Err(SparseError::MissingDiagonal { column: 0 }));
+    assert_eq!(csc(2, &[0, 1, 2], &[0, 0]), Err(SparseError::Row { column: 1, row: 0 }));
+    assert_eq!(csc(2, &[0, 3, 4], &[0, 1, 1, 1]), Err(SparseError::Row { column: 0, row: 1 }));
+    assert_eq!(csc(2, &[0, 2, 3], &[0, 2, 1]), Err(SparseError::Row { column: 0, row: 2 }));
+    assert_eq!(
+        SymPattern::from_cliques(3, &[[0u32, 1, 2], [1, 2, 3]]).map(|_| ()),
+        Err(SparseError::Vertex { element: 1, vertex: 3, n: 3 })
+    );
+}
+
+#[test]
+fn slots_name_the_entries() {
+    let m = grid(5, 4, 3, &mut Random(6));
+    for j in 0..m.n() {
+        for slot in m.pattern.col_ptr()[j]..m.pattern.col_ptr()[j + 1] {
+            let i = m.pattern.row_idx()[slot] as usize;
+            assert_eq!((m.pattern.slot(i, j), m.pattern.slot(j, i)), (Some(slot), Some(slot)));
+        }
+    }
+    assert_eq!((m.pattern.slot(0, 59), m.pattern.slot(60, 60), m.pattern.slot(0, 7)), (None, None, None));
 }

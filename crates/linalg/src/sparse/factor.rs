@@ -134,7 +134,7 @@ impl<T: Scalar> Cholesky<T> {
 }
 
 /// The power of two at or below a positive normal number.
-fn power_of_two_below(v: f64) -> f64 {
+pub(super) fn power_of_two_below(v: f64) -> f64 {
     f64::from_bits(v.to_bits() & 0x7ff0_0000_0000_0000)
 }
 

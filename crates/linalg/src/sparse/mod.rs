@@ -3,6 +3,7 @@
 //! - [`SymPattern`]: where a symmetric matrix has entries.
 //! - [`Symbolic`]: elimination order, supernodes and tasks of a pattern.
 //! - [`Cholesky`]: the numbers of a factor, in `f64` or `f32`, and its solves.
+//! - [`MixedCholesky`]: an `f32` factor whose solves are corrected with the `f64` matrix.
 //!
 //! Everything runs on the current rayon pool and gives the same bits on any number of threads: the elimination tree
 //! is cut into tasks by the pattern alone, each task works on memory of its own, and sums are taken in a fixed order.
@@ -16,6 +17,7 @@ mod factor;
 mod groups;
 mod layout;
 mod memory;
+mod mixed;
 mod ordering;
 mod pattern;
 mod solve;
@@ -28,6 +30,7 @@ mod x86;
 
 pub use error::SparseError;
 pub use factor::Cholesky;
+pub use mixed::{Corrected, MixedCholesky, MixedScratch};
 pub use ordering::{Ordering, Permutation, order};
 pub use pattern::SymPattern;
 pub use solve::SolveScratch;

@@ -1,7 +1,7 @@
 //! Triangular solves over the tree of groups.
 
 use super::SparseError;
-use super::factor::Cholesky;
+use super::factor::{Cholesky, power_of_two_below};
 use super::memory::{Lines, Shared};
 use super::pattern::check_length;
 use super::sweep::{Step, Sweep, stride};
@@ -67,6 +67,7 @@ impl<T: Scalar> Cholesky<T> {
         scratch.lines.reserve(lines);
         let task = Task::<T, NR> {
             factor: self,
+            unit: self.column_units(rhs, nrhs, first),
             rhs,
             nrhs,
             first,
@@ -77,11 +78,28 @@ impl<T: Scalar> Cholesky<T> {
         task.forward(roots);
         task.backward(roots);
     }
+
+    /// For each right-hand side the power of two that brings it within the range of T, where that is scaled.
+    fn column_units<const NR: usize>(&self, rhs: Shared<f64>, nrhs: usize, first: usize) -> [f64; NR] {
+        let mut most = [0.0f64; NR];
+        if T::SCALED {
+            for (&scale, &old) in self.scale.iter().zip(self.symbolic.permutation.forward()) {
+                for c in 0..NR {
+                    // SAFETY: rhs has n rows of nrhs values; no task runs.
+                    let b = unsafe { *rhs.at(old as usize * nrhs + first + c) };
+                    most[c] = most[c].max((b * scale).abs());
+                }
+            }
+        }
+        most.map(|v| if v.is_normal() { power_of_two_below(v) } else { 1.0 })
+    }
 }
 
 struct Task<'a, T: Scalar, const NR: usize> {
     factor: &'a Cholesky<T>,
     rhs: Shared<f64>,
+    /// Power of two that each right-hand side is divided by.
+    unit: [f64; NR],
     nrhs: usize,
     first: usize,
     room: &'a [usize],
@@ -162,7 +180,8 @@ impl<T: Scalar, const NR: usize> Task<'_, T, NR> {
                 let from = self.rhs.at(old as usize * self.nrhs + self.first);
                 let scale = self.scale(group.columns.start + k);
                 for c in 0..NR {
-                    *vector.add(k * stride + c) = T::from_f64(*from.add(c) * scale);
+                    *vector.add(k * stride + c) =
+                        T::from_f64(if T::SCALED { *from.add(c) * scale / self.unit[c] } else { *from.add(c) });
                 }
                 for c in NR..stride {
                     *vector.add(k * stride + c) = T::default();
@@ -203,7 +222,8 @@ impl<T: Scalar, const NR: usize> Task<'_, T, NR> {
                 let to = self.rhs.at(old as usize * self.nrhs + self.first);
                 let scale = self.scale(group.columns.start + k);
                 for c in 0..NR {
-                    *to.add(c) = (*vector.add(k * stride + c)).to_f64() * scale;
+                    let x = (*vector.add(k * stride + c)).to_f64();
+                    *to.add(c) = if T::SCALED { x * scale * self.unit[c] } else { x };
                 }
             }
         }

@@ -13,8 +13,9 @@ pub(super) struct Supernodes {
 }
 
 /// A child is merged into its parent if the merged supernode has at most `.0` columns and the share of stored
-/// zeros stays below `.1`; the default rule of faer and CHOLMOD.
-const RELAX: [(usize, f64); 4] = [(4, 1.0), (16, 0.8), (48, 0.1), (usize::MAX, 0.05)];
+/// zeros stays below `.1`: the rule of CHOLMOD and faer, a little stricter for narrow supernodes, which here may
+/// merge with any child and not only with the last one.
+const RELAX: [(usize, f64); 4] = [(4, 1.0), (16, 0.5), (48, 0.1), (usize::MAX, 0.05)];
 
 fn may_merge(columns: usize, zeros: f64, size: f64) -> bool {
     let share = zeros / size;

@@ -2,8 +2,10 @@
 
 use super::etree::{Lower, NONE, children, column_counts, elimination_tree, postorder};
 use super::groups;
+use super::layout::Layout;
 use super::ordering::{Ordering, Permutation, fill_reducing};
 use super::supernodes::{Supernodes, trapezoid};
+use super::vector::{Line, Scalar};
 use super::{SparseError, SymPattern};
 use std::ops::Range;
 
@@ -281,6 +283,12 @@ impl Symbolic {
     /// Entries of L, the zeros stored by relaxed supernodes included.
     pub fn factor_nnz(&self) -> usize {
         self.supernodes.iter().map(|s| trapezoid(s.width, s.below) as usize).sum()
+    }
+
+    /// Bytes that a factor of precision `T` takes, and the workspace of its factorisations, which can be released.
+    pub fn factor_bytes<T: Scalar>(&self) -> (usize, usize) {
+        let layout = Layout::new(self, T::LANES);
+        (layout.panel[layout.panel.len() - 1] * size_of::<Line>(), layout.arena * size_of::<Line>())
     }
 
     /// Floating-point operations of a factorisation, `sum over columns of count^2`.
