@@ -4,9 +4,9 @@ use super::Svd;
 use super::frame::scale;
 use crate::simd::Real;
 
-/// A rotation of the plane by the angle with this cosine and sine.
+/// The cosine and sine of an angle, or a multiple of both.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Turn<T> {
+pub(super) struct Turn<T> {
     /// Cosine.
     pub c: T,
     /// Sine.
