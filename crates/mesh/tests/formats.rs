@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use proxel_mesh::generate::{CellSplit, beam, cloth};
 use proxel_mesh::topology::surface;
 use proxel_mesh::{
-    ErrorKind, Fields, Mesh, Polygons, not_carried, read_mesh, read_mesh_lenient, read_points, write_mesh,
+    ErrorKind, Fields, Mesh, Polygons, check_output, not_carried, read_mesh, read_mesh_lenient, read_points, write_mesh,
 };
 
 /// A folder of its own that disappears at the end.
@@ -214,6 +214,12 @@ fn a_failed_write_leaves_nothing() {
     fs::create_dir(folder.file("a.ele")).unwrap();
     let e = write_mesh(&folder.file("a.node"), &mesh, &Fields::none()).unwrap_err();
     assert!(e.to_string().contains("a.ele: cannot write: it is a folder"), "{e}");
+    assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 1);
+    // The same can be known beforehand, and asking changes nothing.
+    assert!(check_output(&folder.file("a.node")).is_err());
+    assert!(check_output(&folder.file("none/a.vtu")).is_err());
+    assert!(check_output(&folder.file("a.xyz")).is_err());
+    check_output(&folder.file("b.node")).unwrap();
     assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 1);
 }
 

@@ -99,7 +99,7 @@ fn torus_has_a_hole() {
 #[test]
 fn octopus_is_one_closed_body_with_named_parts() {
     let o = octopus(&OctopusSettings::default()).unwrap();
-    examine(&o.mesh, 2, 12.0);
+    examine(&o.mesh, 2, 15.0);
     assert!((20_000..40_000).contains(&o.mesh.tets.len()));
     assert_eq!(o.arms.len(), 8);
     assert!(o.core.len() > 100);
@@ -117,7 +117,7 @@ fn octopus_is_one_closed_body_with_named_parts() {
 
 #[test]
 fn octopus_at_other_resolutions() {
-    for cell in [0.16, 0.08] {
+    for cell in [0.16, 0.125] {
         let o = octopus(&OctopusSettings { cell, ..Default::default() }).unwrap();
         examine(&o.mesh, 2, 10.0);
     }

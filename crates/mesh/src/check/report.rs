@@ -6,7 +6,7 @@ use super::orientation::{TetCheck, check_tets, check_triangles, require_volumes,
 use super::quality::{Spread, TetQuality, tet_quality, triangle_angles};
 use super::surface::{SurfaceTopology, surface_topology};
 use crate::error::{ErrorKind, Item, MeshError, Result};
-use crate::mesh::{Mesh, repeated};
+use crate::mesh::{Mesh, Polygons, repeated};
 use crate::topology::{self, Components, mesh_components, tet_faces};
 use crate::vec3::{norm, sub};
 
@@ -109,14 +109,16 @@ pub fn diagnose(mesh: &Mesh) -> Report {
         r.dedup();
         r.len()
     });
-    shapes(mesh, &mut report);
-    connectivity(mesh, &mut report);
+    let body = tet_faces(&mesh.tets);
+    let boundary = Polygons::from(&body.boundary[..]);
+    shapes(mesh, &boundary, &mut report);
+    connectivity(mesh, &body.non_manifold, &boundary, &mut report);
     report.problems.sort_by_key(|p| p.severity == Severity::Warning);
     report
 }
 
 /// Sizes, angles, volumes and areas.
-fn shapes(mesh: &Mesh, report: &mut Report) {
+fn shapes(mesh: &Mesh, boundary: &Polygons, report: &mut Report) {
     let mut edges = topology::tet_edges(&mesh.tets);
     edges.extend(topology::face_edges(&mesh.faces));
     edges.extend(mesh.edges.iter().map(|&[a, b]| [a.min(b), a.max(b)]));
@@ -134,7 +136,7 @@ fn shapes(mesh: &Mesh, report: &mut Report) {
         }
         report.problems.extend(sliver_warning(mesh, &check));
     }
-    let triangles = topology::surface(mesh).fan_triangles();
+    let triangles = if mesh.faces.is_empty() { boundary } else { &mesh.faces }.fan_triangles();
     if !triangles.is_empty() {
         let check = check_triangles(&mesh.points, &triangles, mesh.planar);
         report.area = Some(check.total);
@@ -162,7 +164,7 @@ fn shapes(mesh: &Mesh, report: &mut Report) {
 }
 
 /// Components, manifoldness, duplicates.
-fn connectivity(mesh: &Mesh, report: &mut Report) {
+fn connectivity(mesh: &Mesh, non_manifold: &[[u32; 3]], boundary: &Polygons, report: &mut Report) {
     if mesh.check_repeated().is_err() {
         let elements = mesh.tets.iter().map(|t| &t[..]).chain(mesh.faces.iter());
         let all = elements.chain(mesh.edges.iter().map(|e| &e[..]));
@@ -177,8 +179,15 @@ fn connectivity(mesh: &Mesh, report: &mut Report) {
     report.components = components.count;
     report.unreferenced = components.unreferenced().count();
     report.problems.extend(unreferenced_warning(&components));
-    let tets = mesh.tets.iter().map(|t| t.to_vec());
-    let faces = mesh.faces.iter().map(<[u32]>::to_vec);
+    let tets = mesh.tets.iter().map(|&(mut t)| {
+        t.sort_unstable();
+        t
+    });
+    let faces = mesh.faces.iter().map(|p| {
+        let mut p = p.to_vec();
+        p.sort_unstable();
+        p
+    });
     for (first, n, is_tet) in [(duplicates(tets), true), (duplicates(faces), false)]
         .into_iter()
         .filter_map(|(d, is_tet)| d.map(|(first, n)| (first, n, is_tet)))
@@ -187,19 +196,18 @@ fn connectivity(mesh: &Mesh, report: &mut Report) {
         let text = format!("{n} elements repeat an earlier one, the first is {item}; remove them");
         report.problems.push(warning(Some(item), n, text));
     }
-    let body = tet_faces(&mesh.tets);
-    if let Some([a, b, c]) = body.non_manifold.first() {
-        let n = body.non_manifold.len();
+    if let Some([a, b, c]) = non_manifold.first() {
+        let n = non_manifold.len();
         let text = format!(
             "{n} triangles belong to more than two tetrahedra, the first has vertices {a}, {b}, {c} (0-based); remove what overlaps"
         );
         report.problems.push(warning(None, n, text));
     }
-    let surface = if mesh.tets.is_empty() { mesh.faces.clone() } else { body.boundary[..].into() };
+    let surface = if mesh.tets.is_empty() { &mesh.faces } else { boundary };
     if surface.is_empty() {
         return;
     }
-    let topology = surface_topology(mesh.n_verts(), &surface);
+    let topology = surface_topology(mesh.n_verts(), surface);
     let whose = if mesh.tets.is_empty() { "" } else { " of the boundary" };
     if let Some([a, b]) = topology.non_manifold_edges.first() {
         let n = topology.non_manifold_edges.len();
@@ -254,15 +262,9 @@ fn unreferenced_warning(components: &Components) -> Option<Problem> {
     Some(warning(Some(item), n, text))
 }
 
-/// The first element with the same corners as an earlier one, and how many there are.
-fn duplicates(elements: impl Iterator<Item = Vec<u32>>) -> Option<(usize, usize)> {
-    let mut keys: Vec<(Vec<u32>, usize)> = elements
-        .enumerate()
-        .map(|(i, mut e)| {
-            e.sort_unstable();
-            (e, i)
-        })
-        .collect();
+/// The first element with the same (sorted) corners as an earlier one, and how many there are.
+fn duplicates<K: Ord>(corners: impl Iterator<Item = K>) -> Option<(usize, usize)> {
+    let mut keys: Vec<(K, usize)> = corners.zip(0..).collect();
     keys.sort_unstable();
     let repeats = keys.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| w[1].1);
     let n = repeats.clone().count();

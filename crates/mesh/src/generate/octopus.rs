@@ -22,7 +22,7 @@ pub struct OctopusSettings {
 
 impl Default for OctopusSettings {
     fn default() -> Self {
-        OctopusSettings { arms: 8, cell: 0.105 }
+        OctopusSettings { arms: 8, cell: 0.1 }
     }
 }
 
@@ -133,7 +133,7 @@ fn describe(mesh: Mesh, tubes: Vec<Tube>) -> Octopus {
             .map(|tube| tube.distance(p))
             .enumerate()
             .min_by(|a, b| a.1.0.total_cmp(&b.1.0))
-            .expect("there is at least one arm");
+            .unwrap_or((0, (f64::INFINITY, 0.0)));
         if inside < -0.12 {
             core.push(v as u32);
         }
