@@ -2,7 +2,7 @@
 //!
 //! The readers are our own. A message must name the line or the element and a remedy, and no memory may
 //! be taken for a count that the file cannot hold; general crates promise neither (and mshio 0.4 reads
-//! only version 4.1 of Gmsh's format, vtkio 0.6 links a compressor in C).
+//! only version 4.1 of Gmsh's format, vtkio 0.6 links a compressor in C by default).
 
 mod atomic;
 #[cfg(test)]
