@@ -5,6 +5,7 @@
 
 pub mod deform;
 pub mod pins;
+pub mod preview;
 pub mod report;
 pub mod settings;
 

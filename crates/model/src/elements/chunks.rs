@@ -83,6 +83,10 @@ impl Chunks {
         self.n_elems
     }
 
+    pub fn corners(&self) -> usize {
+        self.corners
+    }
+
     pub fn n_blocks(&self) -> usize {
         self.n_elems.div_ceil(LANES)
     }

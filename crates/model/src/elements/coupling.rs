@@ -1,21 +1,27 @@
 //! Couplings: what of the deformation gradient is split off into the local variable.
 
+use super::matrix::{add_symmetric, compose, compose_symmetric, in_frame, norm2, norm2_symmetric, times_frame};
 use super::shape::{Decomposed, Shape, Simplex};
 use proxel_linalg::simd::{F8, Isa, Real};
 
-/// The coupling c of the constraint c(Dx) = z, and the prox's frame in it.
+/// The coupling c of the constraint c(Dx) = z of elements whose deformation gradient F is D x K.
 pub trait Coupling<const D: usize, const K: usize>: Send + Sync + 'static {
     /// Numbers an element in a local vector.
     const LOCAL: usize;
-    /// Numbers an element kept of the decomposition of F.
+    /// Numbers an element kept of the decomposition of F; 0 where the coupling needs none.
     const SAVED: usize;
+    /// Whether a local value is symmetric, so that its frame is one rotation.
+    const SYMMETRIC: bool;
     /// What is known of F where a block is visited.
     type At<T: Real>: Copy;
     /// An element's part of a local vector.
     type Local<T: Real>: Copy;
 
-    /// Visits a block: from F, or from what was saved of it where that is still `fresh`.
-    fn arrive<I: Isa>(f: impl FnOnce() -> [[F8<I>; K]; D], saved: &mut [f64], fresh: bool) -> Self::At<F8<I>>;
+    /// From F, kept in `saved`.
+    fn arrive<I: Isa>(f: [[F8<I>; K]; D], saved: &mut [f64]) -> Self::At<F8<I>>;
+
+    /// From what was kept, where [`Coupling::SAVED`] is not 0.
+    fn again<I: Isa>(f: [[F8<I>; K]; D], saved: &[f64]) -> Self::At<F8<I>>;
 
     /// The decomposition of F.
     fn decomposed<T: Real>(at: &Self::At<T>) -> Decomposed<T, D, K>;
@@ -26,11 +32,17 @@ pub trait Coupling<const D: usize, const K: usize>: Send + Sync + 'static {
     /// The gradient of 1/2 |c(F) - p|^2 in F, W(13)-(16).
     fn penalty_gradient<T: Real>(at: &Self::At<T>, p: &Self::Local<T>) -> [[T; K]; D];
 
-    /// z = argmin psi(z) + k/2 |z - v|^2: `prox` maps the stretches of v to those of z, in the frame of v.
-    fn prox<T: Real>(v: &Self::Local<T>, prox: impl FnOnce([T; K]) -> [T; K]) -> Self::Local<T>;
+    /// The frame in which the prox of v is one of stretches: v = u diag(s) v^T.
+    fn frame<T: Real>(v: &Self::Local<T>) -> Decomposed<T, D, K>;
 
-    /// The stretches of a local value.
-    fn combine<T: Real>(a: &Self::Local<T>, b: &Self::Local<T>, f: impl Fn(T, T) -> T) -> Self::Local<T>;
+    /// The local value of stretches in a frame.
+    fn in_frame<T: Real>(frame: &Decomposed<T, D, K>) -> Self::Local<T>;
+
+    /// a + b
+    fn add<T: Real>(a: &Self::Local<T>, b: &Self::Local<T>) -> Self::Local<T>;
+
+    /// a - b
+    fn subtract<T: Real>(a: &Self::Local<T>, b: &Self::Local<T>) -> Self::Local<T>;
 
     /// |a|^2 in the Frobenius norm.
     fn norm2<T: Real>(a: &Self::Local<T>) -> T;
@@ -49,66 +61,12 @@ pub struct Linear;
 /// stored as their diagonal and sqrt 2 times what is above it, so that the norm of the numbers is the norm of the matrix.
 pub struct Polar;
 
-/// A B^T of matrices given by rows.
 #[inline(always)]
-pub(super) fn times_transposed<T: Real, const R: usize, const C: usize, const K: usize>(a: &[[T; K]; R], b: &[[T; K]; C]) -> [[T; C]; R] {
-    std::array::from_fn(|r| {
-        std::array::from_fn(|c| {
-            let mut sum = a[r][0] * b[c][0];
-            for k in 1..K {
-                sum = a[r][k].mul_add(b[c][k], sum);
-            }
-            sum
-        })
-    })
-}
-
-/// A diag(s) B^T
-#[inline(always)]
-pub(super) fn compose<T: Real, const R: usize, const C: usize, const K: usize>(a: &[[T; K]; R], s: &[T; K], b: &[[T; K]; C]) -> [[T; C]; R] {
-    let scaled: [[T; K]; R] = std::array::from_fn(|r| std::array::from_fn(|k| a[r][k] * s[k]));
-    times_transposed(&scaled, b)
-}
-
-/// V diag(s) V^T, only one triangle computed.
-#[inline(always)]
-fn compose_symmetric<T: Real, const K: usize>(v: &[[T; K]; K], s: &[T; K]) -> [[T; K]; K] {
-    let mut a = [[T::zero(); K]; K];
-    for r in 0..K {
-        for c in r..K {
-            let mut sum = v[r][0] * s[0] * v[c][0];
-            for k in 1..K {
-                sum = (v[r][k] * s[k]).mul_add(v[c][k], sum);
-            }
-            a[r][c] = sum;
-            a[c][r] = sum;
-        }
-    }
-    a
-}
-
-/// V^T A V of a symmetric A.
-#[inline(always)]
-fn in_frame<T: Real, const K: usize>(v: &[[T; K]; K], a: &[[T; K]; K]) -> [[T; K]; K] {
-    let mut av = [[T::zero(); K]; K];
-    for r in 0..K {
-        for c in 0..K {
-            let mut sum = a[r][0] * v[0][c];
-            for k in 1..K {
-                sum = a[r][k].mul_add(v[k][c], sum);
-            }
-            av[r][c] = sum;
-        }
-    }
-    let mut out = [[T::zero(); K]; K];
-    for r in 0..K {
-        for c in r..K {
-            let mut sum = v[0][r] * av[0][c];
-            for k in 1..K {
-                sum = v[k][r].mul_add(av[k][c], sum);
-            }
-            out[r][c] = sum;
-            out[c][r] = sum;
+fn entrywise<T: Real, const R: usize, const C: usize>(a: &[[T; C]; R], b: &[[T; C]; R], sign: f64) -> [[T; C]; R] {
+    let mut out = *a;
+    for r in 0..R {
+        for c in 0..C {
+            out[r][c] = if sign > 0.0 { a[r][c] + b[r][c] } else { a[r][c] - b[r][c] };
         }
     }
     out
@@ -120,12 +78,17 @@ where
 {
     const LOCAL: usize = D * K;
     const SAVED: usize = 0;
+    const SYMMETRIC: bool = false;
     type At<T: Real> = [[T; K]; D];
     type Local<T: Real> = [[T; K]; D];
 
     #[inline(always)]
-    fn arrive<I: Isa>(f: impl FnOnce() -> [[F8<I>; K]; D], _: &mut [f64], _: bool) -> [[F8<I>; K]; D] {
-        f()
+    fn arrive<I: Isa>(f: [[F8<I>; K]; D], _: &mut [f64]) -> [[F8<I>; K]; D] {
+        f
+    }
+    #[inline(always)]
+    fn again<I: Isa>(f: [[F8<I>; K]; D], _: &[f64]) -> [[F8<I>; K]; D] {
+        f
     }
     #[inline(always)]
     fn decomposed<T: Real>(at: &[[T; K]; D]) -> Decomposed<T, D, K> {
@@ -137,30 +100,37 @@ where
     }
     #[inline(always)]
     fn penalty_gradient<T: Real>(at: &[[T; K]; D], p: &[[T; K]; D]) -> [[T; K]; D] {
-        <Self as Coupling<D, K>>::combine(at, p, |a, p| a - p)
+        entrywise(at, p, -1.0)
     }
     #[inline(always)]
-    fn prox<T: Real>(v: &[[T; K]; D], prox: impl FnOnce([T; K]) -> [T; K]) -> [[T; K]; D] {
-        let d: Decomposed<T, D, K> = Simplex::svd(*v);
-        compose(&d.u, &prox(d.s), &d.v)
+    fn frame<T: Real>(v: &[[T; K]; D]) -> Decomposed<T, D, K> {
+        Simplex::svd(*v)
     }
     #[inline(always)]
-    fn combine<T: Real>(a: &[[T; K]; D], b: &[[T; K]; D], f: impl Fn(T, T) -> T) -> [[T; K]; D] {
-        std::array::from_fn(|r| std::array::from_fn(|c| f(a[r][c], b[r][c])))
+    fn in_frame<T: Real>(frame: &Decomposed<T, D, K>) -> [[T; K]; D] {
+        compose(&frame.u, &frame.s, &frame.v)
+    }
+    #[inline(always)]
+    fn add<T: Real>(a: &[[T; K]; D], b: &[[T; K]; D]) -> [[T; K]; D] {
+        entrywise(a, b, 1.0)
+    }
+    #[inline(always)]
+    fn subtract<T: Real>(a: &[[T; K]; D], b: &[[T; K]; D]) -> [[T; K]; D] {
+        entrywise(a, b, -1.0)
     }
     #[inline(always)]
     fn norm2<T: Real>(a: &[[T; K]; D]) -> T {
-        let mut sum = T::zero();
-        for r in 0..D {
-            for c in 0..K {
-                sum = a[r][c].mul_add(a[r][c], sum);
-            }
-        }
-        sum
+        norm2(a)
     }
     #[inline(always)]
     fn load<I: Isa>(from: &[f64]) -> [[F8<I>; K]; D] {
-        std::array::from_fn(|r| std::array::from_fn(|c| F8::load_at(from, r * K + c)))
+        let mut a = [[F8::zero(); K]; D];
+        for r in 0..D {
+            for c in 0..K {
+                a[r][c] = F8::load_at(from, r * K + c);
+            }
+        }
+        a
     }
     #[inline(always)]
     fn store<I: Isa>(a: &[[F8<I>; K]; D], to: &mut [f64]) {
@@ -181,17 +151,19 @@ where
 {
     const LOCAL: usize = K * (K + 1) / 2;
     const SAVED: usize = <Simplex as Shape<D, K>>::SAVED;
+    const SYMMETRIC: bool = true;
     type At<T: Real> = Decomposed<T, D, K>;
     type Local<T: Real> = [[T; K]; K];
 
     #[inline(always)]
-    fn arrive<I: Isa>(f: impl FnOnce() -> [[F8<I>; K]; D], saved: &mut [f64], fresh: bool) -> Decomposed<F8<I>, D, K> {
-        if fresh {
-            return Simplex::load(saved);
-        }
-        let d = Simplex::svd(f());
+    fn arrive<I: Isa>(f: [[F8<I>; K]; D], saved: &mut [f64]) -> Decomposed<F8<I>, D, K> {
+        let d = Simplex::svd(f);
         Simplex::save(&d, saved);
         d
+    }
+    #[inline(always)]
+    fn again<I: Isa>(_: [[F8<I>; K]; D], saved: &[f64]) -> Decomposed<F8<I>, D, K> {
+        Simplex::load(saved)
     }
     #[inline(always)]
     fn decomposed<T: Real>(at: &Decomposed<T, D, K>) -> Decomposed<T, D, K> {
@@ -216,37 +188,28 @@ where
                 m[j][i] = -(c * at.s[j]);
             }
         }
-        let mut um = [[T::zero(); K]; D];
-        for r in 0..D {
-            for c in 0..K {
-                let mut sum = at.u[r][0] * m[0][c];
-                for k in 1..K {
-                    sum = at.u[r][k].mul_add(m[k][c], sum);
-                }
-                um[r][c] = sum;
-            }
-        }
-        times_transposed(&um, &at.v)
+        times_frame(&at.u, &m, &at.v)
     }
     #[inline(always)]
-    fn prox<T: Real>(v: &[[T; K]; K], prox: impl FnOnce([T; K]) -> [T; K]) -> [[T; K]; K] {
-        let (q, l) = Simplex::eigen(*v);
-        compose_symmetric(&q, &prox(l))
+    fn frame<T: Real>(v: &[[T; K]; K]) -> Decomposed<T, D, K> {
+        let (q, s) = Simplex::eigen(*v);
+        Decomposed { u: [[T::zero(); K]; D], s, v: q }
     }
     #[inline(always)]
-    fn combine<T: Real>(a: &[[T; K]; K], b: &[[T; K]; K], f: impl Fn(T, T) -> T) -> [[T; K]; K] {
-        std::array::from_fn(|r| std::array::from_fn(|c| f(a[r][c], b[r][c])))
+    fn in_frame<T: Real>(frame: &Decomposed<T, D, K>) -> [[T; K]; K] {
+        compose_symmetric(&frame.v, &frame.s)
+    }
+    #[inline(always)]
+    fn add<T: Real>(a: &[[T; K]; K], b: &[[T; K]; K]) -> [[T; K]; K] {
+        add_symmetric(a, b, 1.0)
+    }
+    #[inline(always)]
+    fn subtract<T: Real>(a: &[[T; K]; K], b: &[[T; K]; K]) -> [[T; K]; K] {
+        add_symmetric(a, b, -1.0)
     }
     #[inline(always)]
     fn norm2<T: Real>(a: &[[T; K]; K]) -> T {
-        let (mut diagonal, mut above) = (T::zero(), T::zero());
-        for r in 0..K {
-            diagonal = a[r][r].mul_add(a[r][r], diagonal);
-            for c in r + 1..K {
-                above = a[r][c].mul_add(a[r][c], above);
-            }
-        }
-        above * 2.0 + diagonal
+        norm2_symmetric(a)
     }
     #[inline(always)]
     fn load<I: Isa>(from: &[f64]) -> [[F8<I>; K]; K] {

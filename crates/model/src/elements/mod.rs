@@ -2,25 +2,31 @@
 
 mod chunks;
 mod coupling;
+mod density;
+mod kernels;
+mod matrix;
 mod passes;
 mod rest;
 mod shape;
 #[cfg(test)]
 mod tests;
 
-pub use coupling::{Coupling, Linear, Polar};
 pub use chunks::morton;
+pub use coupling::{Coupling, Linear, Polar};
+pub use density::{Density, ProxSums};
 pub use rest::{ElementError, Rest};
 pub use shape::{Decomposed, Shape, Simplex};
 
-use crate::energy::Energy;
 use chunks::{BLOCKS, Chunks};
-use passes::{CouplePass, EnergyPass, Largest, LocalPass, Nothing, PenaltyPass, Piece, Shared, Sizes, WeightPass, over_chunks};
+use kernels::{Couple, EnergyIn, EnergyOut, LocalIn, LocalOut, Penalty, Scratch};
+use passes::{Chunk, Largest, Nothing, Piece, Shared, Sizes, over_chunks};
 use proxel_linalg::simd::{LANES, dispatch};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{EnergyReport, LocalReport, PenaltyReport, Term};
 use shape::block;
 use std::marker::PhantomData;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Padding lanes repeat the last element with this part of its measure and weight, a power of two: their ratio, and so the
 /// prox, is that of the element, and their contribution vanishes in every sum.
@@ -28,9 +34,9 @@ const PADDING: f64 = f64::from_bits((1023 - 600) << 52);
 
 /// sum_e V_e psi(F_e) over simplices with D x K deformation gradients (tetrahedra 3 x 3, triangles in space 3 x 2 or in
 /// the plane 2 x 2, springs D x 1), split by the coupling C.
-pub struct Elements<const D: usize, const K: usize, E, C> {
+pub struct Elements<const D: usize, const K: usize, C> {
     chunks: Chunks,
-    energy: E,
+    energy: Arc<dyn Density<K>>,
     base: f64,         // squared base weight over measure
     inverse: Vec<f64>, // [block][K][K][lane]: inverse of the rest edges
     measure: Vec<f64>, // [block][lane]
@@ -45,12 +51,12 @@ pub struct Elements<const D: usize, const K: usize, E, C> {
     coupling: PhantomData<C>,
 }
 
-impl<const D: usize, const K: usize, E: Energy<K>, C: Coupling<D, K>> Elements<D, K, E, C>
+impl<const D: usize, const K: usize, C: Coupling<D, K>> Elements<D, K, C>
 where
     Simplex: Shape<D, K>,
 {
     /// Elements `rest` with squared weights `base` times measure: W(21) for the largest eigenvalue of the rest Hessian.
-    pub fn new(rest: &Rest<D, K>, energy: E, base: f64) -> Self {
+    pub fn new(rest: &Rest<D, K>, energy: impl Density<K> + 'static, base: f64) -> Self {
         let chunks = Chunks::new(rest.elements(), K + 1, rest.keys());
         let n_blocks = chunks.n_blocks();
         let mut inverse = vec![0.0; n_blocks * K * K * LANES];
@@ -69,7 +75,7 @@ where
         let weight2 = measure.iter().map(|v| v * base).collect();
         let slots = chunks.n_slots() * D;
         Elements {
-            energy,
+            energy: Arc::new(energy),
             base,
             inverse,
             measure,
@@ -97,13 +103,12 @@ where
     const SIZES: Sizes = Sizes { dim: D, saved: C::SAVED, stretches: K, local: C::LOCAL };
 }
 
-/// Borrows a batch for a pass: what all read, and what the pass may write.
-macro_rules! over {
-    ($self:ident, $pass:ident, x: $x:expr, z: $z:expr, u: $u:expr, piece: $piece:expr, sizes: $sizes:expr) => {{
-        let chunks = &$self.chunks;
-        let shared = Shared {
-            chunks,
-            energy: &$self.energy,
+/// What the passes of a batch read.
+macro_rules! shared {
+    ($self:ident, x: $x:expr, z: $z:expr, u: $u:expr) => {
+        Shared {
+            chunks: &$self.chunks,
+            energy: &*$self.energy,
             x: $x,
             inverse: &$self.inverse,
             measure: &$self.measure,
@@ -112,19 +117,53 @@ macro_rules! over {
             u: $u,
             fresh: $self.fresh && C::SAVED > 0,
             singular_values: $self.singular_values,
-        };
-        let mut piece: Piece<'_> = $piece;
-        if shared.fresh {
-            piece.near = &mut [];
         }
-        let range = 0..chunks.n_blocks().div_ceil(BLOCKS);
-        over_chunks(chunks, piece, range, $sizes, &|c, piece| {
-            dispatch($pass::<E, C, D, K> { shared: &shared, c, piece, coupling: PhantomData })
-        })
-    }};
+    };
 }
 
-impl<const D: usize, const K: usize, E: Energy<K>, C: Coupling<D, K>> Term for Elements<D, K, E, C>
+/// The numbers of a group of blocks in a chunk's array with `size` numbers an element.
+fn of_group(group: &Range<usize>, size: usize) -> Range<usize> {
+    group.start * size * LANES..group.end * size * LANES
+}
+
+impl<const D: usize, const K: usize, C: Coupling<D, K>> Elements<D, K, C>
+where
+    Simplex: Shape<D, K>,
+{
+    fn all_chunks(&self) -> Range<usize> {
+        0..self.chunks.n_blocks().div_ceil(BLOCKS)
+    }
+
+    /// Brings the decompositions up to x, where the coupling keeps them, and writes c(Dx) where `z` is not empty.
+    fn visit(&mut self, x: &[f64], z: &mut [f64]) {
+        let range = self.all_chunks();
+        let shared = shared!(self, x: x, z: &[], u: &[]);
+        let piece = Piece { saved: &mut self.saved, near: &mut self.near, z, ..Default::default() };
+        let Nothing = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
+            for group in chunk.groups() {
+                let (saved, z) = (&mut *piece.saved, &mut *piece.z);
+                dispatch(Couple::<C, D, K> { shared: &shared, chunk: &chunk, group, saved, z, coupling: PhantomData });
+            }
+            Nothing
+        });
+        self.fresh = true;
+    }
+
+    /// As [`Self::visit`], where it is needed.
+    fn refresh(&mut self, x: &[f64]) {
+        if C::SAVED > 0 && !self.fresh {
+            self.visit(x, &mut []);
+        }
+    }
+
+    /// Room for chunk-local positions, unless the coupling has all that is needed of them.
+    fn near(near: &mut [f64]) -> &mut [f64] {
+        if C::SAVED > 0 { &mut [] } else { near }
+    }
+}
+
+impl<const D: usize, const K: usize, C: Coupling<D, K>> Term for Elements<D, K, C>
 where
     Simplex: Shape<D, K>,
 {
@@ -141,35 +180,108 @@ where
     }
 
     fn couple(&mut self, x: &[f64], z: &mut [f64]) {
-        let piece = Piece { saved: &mut self.saved, near: &mut self.near, z, ..Default::default() };
-        let Nothing = over!(self, CouplePass, x: x, z: &[], u: &[], piece: piece, sizes: &Self::SIZES);
-        self.fresh = true;
+        self.visit(x, z);
     }
 
     fn local_step(&mut self, x: &[f64], z: &mut [f64], u: &mut [f64]) -> LocalReport {
-        let piece =
-            Piece { saved: &mut self.saved, near: &mut self.near, warm: &mut self.warm, z, u, ..Default::default() };
-        let report = over!(self, LocalPass, x: x, z: &[], u: &[], piece: piece, sizes: &Self::SIZES);
-        self.fresh = true;
-        report
+        self.refresh(x);
+        let range = self.all_chunks();
+        let shared = shared!(self, x: x, z: &[], u: &[]);
+        let near = Self::near(&mut self.near);
+        let piece = Piece { saved: &mut self.saved, near, warm: &mut self.warm, z, u, ..Default::default() };
+        over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
+            let mut scratch = Scratch::new();
+            let mut report = LocalReport::default();
+            for group in chunk.groups() {
+                let (saved, z, u) = (&mut *piece.saved, &mut *piece.z, &mut *piece.u);
+                report += dispatch(LocalIn::<C, D, K> {
+                    shared: &shared,
+                    chunk: &chunk,
+                    group: group.clone(),
+                    saved,
+                    z,
+                    u,
+                    scratch: &mut scratch,
+                    coupling: PhantomData,
+                });
+                let first = chunk.global(group.start) * LANES;
+                let numbers = first..first + group.len() * LANES;
+                let sums = shared.energy.prox(
+                    &mut scratch.stretches[..group.len() * K * LANES],
+                    &mut piece.warm[of_group(&group, K)],
+                    &shared.weight2[numbers.clone()],
+                    &shared.measure[numbers],
+                    shared.chunks.n_elems() - first,
+                );
+                report.value_before += sums.value_before;
+                report.value_after += sums.value_after;
+                report.missed += sums.missed;
+                let scratch = &scratch;
+                report +=
+                    dispatch(LocalOut::<C, D, K> { shared: &shared, chunk: &chunk, group, z, u, scratch, coupling: PhantomData });
+            }
+            report
+        })
     }
 
     fn penalty(&mut self, x: &[f64], z: &[f64], u: &[f64], grad: &mut [f64]) -> PenaltyReport {
-        let piece =
-            Piece { saved: &mut self.saved, near: &mut self.near, partials: &mut self.partials, ..Default::default() };
-        let report = over!(self, PenaltyPass, x: x, z: z, u: u, piece: piece, sizes: &Self::SIZES);
+        let range = self.all_chunks();
+        let shared = shared!(self, x: x, z: z, u: u);
+        let near = if shared.fresh { &mut [] } else { self.near.as_mut_slice() };
+        let piece = Piece { saved: &mut self.saved, near, partials: &mut self.partials, ..Default::default() };
+        let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
+            piece.partials.fill(0.0);
+            let mut report = PenaltyReport::default();
+            for group in chunk.groups() {
+                let (saved, partials) = (&mut *piece.saved, &mut *piece.partials);
+                report +=
+                    dispatch(Penalty::<C, D, K> { shared: &shared, chunk: &chunk, group, saved, partials, coupling: PhantomData });
+            }
+            report
+        });
         self.fresh = true;
         self.chunks.add_partials::<D>(&self.partials, grad);
         report
     }
 
     fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport {
-        let mut piece = Piece { saved: &mut self.saved, near: &mut self.near, ..Default::default() };
+        self.refresh(x);
+        let range = self.all_chunks();
+        let shared = shared!(self, x: x, z: &[], u: &[]);
+        let near = Self::near(&mut self.near);
+        let mut piece = Piece { saved: &mut self.saved, near, ..Default::default() };
         if grad.is_some() {
             piece.partials = &mut self.partials;
         }
-        let report = over!(self, EnergyPass, x: x, z: &[], u: &[], piece: piece, sizes: &Self::SIZES);
-        self.fresh = true;
+        let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
+            let frames = !piece.partials.is_empty();
+            piece.partials.fill(0.0);
+            let mut scratch = Scratch::new();
+            let mut report = EnergyReport::default();
+            for group in chunk.groups() {
+                report += dispatch(EnergyIn::<C, D, K> {
+                    shared: &shared,
+                    chunk: &chunk,
+                    group: group.clone(),
+                    saved: piece.saved,
+                    frames,
+                    scratch: &mut scratch,
+                    coupling: PhantomData,
+                });
+                let first = chunk.global(group.start) * LANES;
+                let stretches = &mut scratch.stretches[..group.len() * K * LANES];
+                report.value += shared.energy.value(stretches, &shared.measure[first..first + group.len() * LANES]);
+                if frames {
+                    shared.energy.gradient(stretches);
+                    let (partials, scratch) = (&mut *piece.partials, &scratch);
+                    dispatch(EnergyOut::<D, K> { shared: &shared, chunk: &chunk, group, partials, scratch });
+                }
+            }
+            report
+        });
         if let Some(grad) = grad {
             self.chunks.add_partials::<D>(&self.partials, grad);
         }
@@ -223,10 +335,22 @@ where
 
     fn propose_weights(&mut self, (low, high): (f64, f64)) -> f64 {
         self.proposed.resize(self.measure.len(), 0.0);
+        let (low, high) = (self.base * low, self.base * high);
+        let range = self.all_chunks();
+        let shared = shared!(self, x: &[], z: &[], u: &[]);
         let piece = Piece { warm: &mut self.warm, z: &mut self.proposed, ..Default::default() };
         let sizes = Sizes { local: 1, ..Self::SIZES };
-        let range = [self.base * low, self.base * high];
-        let Largest(ratio) = over!(self, WeightPass, x: &range, z: &[], u: &[], piece: piece, sizes: &sizes);
+        let Largest(ratio) = over_chunks(&self.chunks, piece, range, &sizes, &|c, piece| {
+            let first = c * BLOCKS * LANES;
+            shared.energy.effective_stiffness(piece.warm, piece.z);
+            let mut ratio = 1.0_f64;
+            for (at, candidate) in piece.z.iter_mut().enumerate() {
+                let weight2 = shared.weight2[first + at];
+                *candidate = candidate.clamp(low, high) * shared.measure[first + at];
+                ratio = ratio.max(*candidate / weight2).max(weight2 / *candidate);
+            }
+            Largest(ratio)
+        });
         ratio
     }
 
@@ -244,7 +368,7 @@ where
     }
 }
 
-impl<const D: usize, const K: usize, E: Energy<K>, C: Coupling<D, K>> Elements<D, K, E, C>
+impl<const D: usize, const K: usize, C: Coupling<D, K>> Elements<D, K, C>
 where
     Simplex: Shape<D, K>,
 {

@@ -123,8 +123,8 @@ where
         let barrier = E::PROX_POSITIVE;
         let signed = admm.local_frame == LocalFrame::SingularValues;
         let term: Box<dyn Term> = match self.settings.method.is_rotation_aware() {
-            true => Box::new(Elements::<D, K, E, Polar>::new(self.rest, energy, base).with_singular_values(signed)),
-            false => Box::new(Elements::<D, K, E, Linear>::new(self.rest, energy, base)),
+            true => Box::new(Elements::<D, K, Polar>::new(self.rest, energy, base).with_singular_values(signed)),
+            false => Box::new(Elements::<D, K, Linear>::new(self.rest, energy, base)),
         };
         Built { term, barrier }
     }

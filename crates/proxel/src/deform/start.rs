@@ -42,5 +42,5 @@ where
     Arap: proxel_model::energy::Energy<K>,
 {
     let rest = Rest::<D, K>::new(rest, corners).map_err(|e| DeformError(e.to_string()))?;
-    Ok(Box::new(Elements::<D, K, Arap, Linear>::new(&rest, Arap::default(), 1.0)))
+    Ok(Box::new(Elements::<D, K, Linear>::new(&rest, Arap::default(), 1.0)))
 }

@@ -1,0 +1,162 @@
+//! An energy over many elements at once: where dynamic dispatch ends.
+//!
+//! A batch of elements knows its energy by this trait alone, one call for several blocks, so that the geometry (gathering,
+//! decompositions, forces) is compiled once for each shape, not once for each energy and shape.
+
+use crate::energy::Energy;
+use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
+
+/// What [`Density::prox`] did, summed over the blocks.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ProxSums {
+    /// sum V psi at the old stretches.
+    pub value_before: f64,
+    /// sum V psi at the new ones.
+    pub value_after: f64,
+    /// Elements that missed the tolerance.
+    pub missed: u64,
+}
+
+/// A density psi over K principal stretches, on blocks of eight elements: `[block][K][lane]` for stretches and their
+/// gradients, `[block][lane]` for numbers of elements.
+pub trait Density<const K: usize>: Send + Sync {
+    /// Replaces the stretches `v` by argmin psi(s) + k/2 |s - v|^2, k = weight2 / measure, and `warm`, the guess, by the
+    /// same. Only the first `n_elems` elements are counted.
+    fn prox(&self, v: &mut [f64], warm: &mut [f64], weight2: &[f64], measure: &[f64], n_elems: usize) -> ProxSums;
+
+    /// sum V psi(s).
+    fn value(&self, s: &[f64], measure: &[f64]) -> f64;
+
+    /// Replaces the stretches s by d psi / d s.
+    fn gradient(&self, s: &mut [f64]);
+
+    /// The largest eigenvalue of the Hessian at s, W(20), element by element.
+    fn effective_stiffness(&self, s: &[f64], out: &mut [f64]);
+
+    /// The same at rest, W(21).
+    fn rest_stiffness(&self) -> f64;
+}
+
+struct ProxKernel<'a, E, const K: usize> {
+    energy: &'a E,
+    v: &'a mut [f64],
+    warm: &'a mut [f64],
+    weight2: &'a [f64],
+    measure: &'a [f64],
+    n_elems: usize,
+}
+
+impl<E: Energy<K>, const K: usize> Kernel for ProxKernel<'_, E, K> {
+    type Output = ProxSums;
+    #[inline(always)]
+    fn run<I: Isa>(self) -> ProxSums {
+        let (mut before, mut after) = (F8::<I>::zero(), F8::<I>::zero());
+        let mut missed = 0;
+        for b in 0..self.measure.len() / LANES {
+            let measure = F8::<I>::load_at(self.measure, b);
+            let k = F8::<I>::load_at(self.weight2, b) / measure;
+            let mut v = [F8::<I>::zero(); K];
+            let mut warm = [F8::<I>::zero(); K];
+            for i in 0..K {
+                v[i] = F8::load_at(self.v, b * K + i);
+                warm[i] = F8::load_at(self.warm, b * K + i);
+            }
+            before = self.energy.value(warm).mul_add(measure, before);
+            let prox = self.energy.prox(v, k, warm);
+            after = self.energy.value(prox.s).mul_add(measure, after);
+            for i in 0..K {
+                prox.s[i].store_at(self.v, b * K + i);
+                prox.s[i].store_at(self.warm, b * K + i);
+            }
+            let used = (self.n_elems - (b * LANES).min(self.n_elems)).min(LANES) as u32;
+            missed += u64::from((!prox.converged.bits() & ((1u16 << used) - 1) as u8).count_ones());
+        }
+        ProxSums { value_before: before.sum(), value_after: after.sum(), missed }
+    }
+}
+
+struct ValueKernel<'a, E, const K: usize> {
+    energy: &'a E,
+    s: &'a [f64],
+    measure: &'a [f64],
+}
+
+impl<E: Energy<K>, const K: usize> Kernel for ValueKernel<'_, E, K> {
+    type Output = f64;
+    #[inline(always)]
+    fn run<I: Isa>(self) -> f64 {
+        let mut value = F8::<I>::zero();
+        for b in 0..self.measure.len() / LANES {
+            let mut s = [F8::<I>::zero(); K];
+            for i in 0..K {
+                s[i] = F8::load_at(self.s, b * K + i);
+            }
+            value = self.energy.value(s).mul_add(F8::load_at(self.measure, b), value);
+        }
+        value.sum()
+    }
+}
+
+struct GradientKernel<'a, E, const K: usize> {
+    energy: &'a E,
+    s: &'a mut [f64],
+}
+
+impl<E: Energy<K>, const K: usize> Kernel for GradientKernel<'_, E, K> {
+    type Output = ();
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        for b in 0..self.s.len() / (K * LANES) {
+            let mut s = [F8::<I>::zero(); K];
+            for i in 0..K {
+                s[i] = F8::load_at(self.s, b * K + i);
+            }
+            let g = self.energy.gradient(s);
+            for i in 0..K {
+                g[i].store_at(self.s, b * K + i);
+            }
+        }
+    }
+}
+
+struct StiffnessKernel<'a, E, const K: usize> {
+    energy: &'a E,
+    s: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl<E: Energy<K>, const K: usize> Kernel for StiffnessKernel<'_, E, K> {
+    type Output = ();
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        for b in 0..self.out.len() / LANES {
+            let mut s = [F8::<I>::zero(); K];
+            for i in 0..K {
+                s[i] = F8::load_at(self.s, b * K + i);
+            }
+            self.energy.effective_stiffness(s).store_at(self.out, b);
+        }
+    }
+}
+
+impl<E: Energy<K>, const K: usize> Density<K> for E {
+    fn prox(&self, v: &mut [f64], warm: &mut [f64], weight2: &[f64], measure: &[f64], n_elems: usize) -> ProxSums {
+        dispatch(ProxKernel::<E, K> { energy: self, v, warm, weight2, measure, n_elems })
+    }
+
+    fn value(&self, s: &[f64], measure: &[f64]) -> f64 {
+        dispatch(ValueKernel::<E, K> { energy: self, s, measure })
+    }
+
+    fn gradient(&self, s: &mut [f64]) {
+        dispatch(GradientKernel::<E, K> { energy: self, s });
+    }
+
+    fn effective_stiffness(&self, s: &[f64], out: &mut [f64]) {
+        dispatch(StiffnessKernel::<E, K> { energy: self, s, out });
+    }
+
+    fn rest_stiffness(&self) -> f64 {
+        Energy::rest_stiffness(self)
+    }
+}
