@@ -1,7 +1,7 @@
 //! Decompositions of many matrices, eight side by side.
 //!
-//! Memory is in blocks `[block][component][lane]` (see [`crate::simd`]); components are the entries by rows. Lanes beyond
-//! the last matrix of a batch may hold anything: no lane changes another.
+//! Memory is in blocks `[block][component][lane]` (see [`crate::simd`]); components are the entries by rows. Lanes
+//! beyond the last matrix of a batch may hold anything: no lane changes another.
 
 use super::{Eigen, Svd, eig2_sym, eig3_sym, svd2, svd3, svd21, svd31, svd32};
 use crate::simd::{F8, Isa, Kernel, LANES, Real, dispatch};

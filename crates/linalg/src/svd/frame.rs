@@ -1,7 +1,7 @@
 //! Vectors, frames and the scaling that all decompositions share.
 //!
-//! Loops here, not `array::map` or `from_fn`: their closures would be compiled without the instruction set of the kernel,
-//! and what they call would stay a call.
+//! Loops here, not `array::map` or `from_fn`: their closures would be compiled without the instruction set of the
+//! kernel, and what they call would stay a call.
 
 use crate::simd::Real;
 
@@ -77,7 +77,8 @@ pub(super) fn columns<T: Real, const R: usize, const C: usize>(rows: [[T; C]; R]
 }
 
 /// Unit vectors (e, f) such that (e, f, n) is a right-handed orthonormal frame of the unit vector n; so is (n, e, f).
-/// Duff, Burgess, Christensen, Hery, Kensler, Liani, Villemin 2017, "Building an orthonormal basis, revisited", JCGT 6(1).
+/// Duff, Burgess, Christensen, Hery, Kensler, Liani, Villemin 2017, "Building an orthonormal basis, revisited", JCGT
+/// 6(1).
 #[inline(always)]
 pub(super) fn complete<T: Real>(n: [T; 3]) -> ([T; 3], [T; 3]) {
     let [x, y, z] = n;

@@ -5,16 +5,17 @@
 //!
 //! # Method
 //! The 3x3 case is direct. Of A^T A the eigenvalue that stands apart from the other two is found in closed form
-//! ([`eigen`]), it belongs to the largest or to the smallest stretch, and its eigenvector w is well conditioned. Then one
-//! singular pair (w, z) is known to machine precision, and in orthonormal frames around w and z what is left of A is
-//! a 2x2 matrix, whose signed decomposition is closed again ([`plane`]). Squares are used only to find w, so small
-//! stretches are not lost: the result is backward stable, |A - U S V^T| of a few machine epsilons times the largest stretch.
+//! ([`eigen`]), it belongs to the largest or to the smallest stretch, and its eigenvector w is well conditioned. Then
+//! one singular pair (w, z) is known to machine precision, and in orthonormal frames around w and z what is left of A
+//! is a 2x2 matrix, whose signed decomposition is closed again ([`plane`]). Squares are used only to find w, so small
+//! stretches are not lost: the result is backward stable, |A - U S V^T| of a few machine epsilons times the largest
+//! stretch.
 //!
 //! # Conventions
-//! Matrices are arrays of rows. U and V are proper rotations (determinant +1). Stretches descend, and in the square cases
-//! the last one carries the sign of det A, as deformation energies need it (Irving, Teran, Fedkiw 2004, "Invertible finite
-//! elements for robust simulation of large deformation"). A thin matrix (more rows than columns) has a square U whose last
-//! columns complete the first ones to a proper rotation, and no stretch is negative.
+//! Matrices are arrays of rows. U and V are proper rotations (determinant +1). Stretches descend, and in the square
+//! cases the last one carries the sign of det A, as deformation energies need it (Irving, Teran, Fedkiw 2004,
+//! "Invertible finite elements for robust simulation of large deformation"). A thin matrix (more rows than columns) has
+//! a square U whose last columns complete the first ones to a proper rotation, and no stretch is negative.
 //!
 //! Any finite matrix is accepted: it is scaled by a power of two of its largest entry. A lane with a NaN or an infinite
 //! entry gives NaN in all its results.

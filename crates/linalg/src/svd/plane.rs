@@ -30,7 +30,7 @@ pub(super) fn half_angle<T: Real>(x: T, y: T) -> (Turn<T>, T, T) {
 }
 
 /// M = U(phi) diag(s) V(theta)^T of a matrix with entries from about 1 to 0 in magnitude, as (phi, s, theta);
-/// s[0] >= |s[1]|.
+/// `s[0] >= |s[1]|`.
 ///
 /// With E, H = (a + d)/2, (c - b)/2 and F, G = (a - d)/2, (b + c)/2 the matrix is |(E, H)| times a rotation by
 /// phi - theta plus |(F, G)| times a reflection of angle phi + theta, and the stretches are their sum and difference.
@@ -48,7 +48,7 @@ pub(super) fn svd2_scaled<T: Real>(m: [[T; 2]; 2]) -> (Turn<T>, [T; 2], Turn<T>)
     (phi, [q + r, q - r], theta)
 }
 
-/// A = U diag(s) V^T of a 2x2 matrix; s[0] >= |s[1]|, and s[1] has the sign of det A.
+/// A = U diag(s) V^T of a 2x2 matrix; `s[0] >= |s[1]|`, and `s[1]` has the sign of det A.
 #[inline(always)]
 pub fn svd2<T: Real>(a: [[T; 2]; 2]) -> Svd<T, 2, 2> {
     let scaled = scale(a);

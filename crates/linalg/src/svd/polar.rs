@@ -10,7 +10,7 @@ pub fn rotation<T: Real, const N: usize>(svd: &Svd<T, N, N>) -> [[T; N]; N] {
     rotation_thin(svd)
 }
 
-/// U[:, ..COLS] V^T of a thin matrix: orthonormal columns, the nearest ones to A.
+/// `U[:, ..COLS]` V^T of a thin matrix: orthonormal columns, the nearest ones to A.
 #[inline(always)]
 pub fn rotation_thin<T: Real, const ROWS: usize, const COLS: usize>(svd: &Svd<T, ROWS, COLS>) -> [[T; COLS]; ROWS] {
     let mut r = [[T::zero(); COLS]; ROWS];

@@ -8,14 +8,15 @@ use super::frame::{
 use super::plane::svd2_scaled;
 use crate::simd::Real;
 
-/// A = U diag(s) V^T of a 3x3 matrix, U and V proper rotations, s[0] >= s[1] >= |s[2]|, and s[2] has the sign of det A.
+/// A = U diag(s) V^T of a 3x3 matrix, U and V proper rotations, `s[0] >= s[1] >= |s[2]|`, and `s[2]` has the sign of
+/// det A.
 ///
-/// |A - U diag(s) V^T| is a few machine epsilons times s[0], and so are the errors of the stretches.
+/// |A - U diag(s) V^T| is a few machine epsilons times `s[0]`, and so are the errors of the stretches.
 ///
-/// Let w be the eigenvector of A^T A that stands apart ([`super::eigen`]), and (e, f) complete it.
-/// If it belongs to the largest stretch then z = A w / |A w|. If it belongs to the smallest then the other two stretches
-/// are at least s[0] / sqrt 3, and z is the unit vector along A e x A f. In both cases the rotations (z, p, q) and
-/// (w, e, f) take A to s_w next to a 2x2 matrix, up to machine precision.
+/// Let w be the eigenvector of A^T A that stands apart ([`super::eigen`]), and (e, f) complete it. If it belongs to the
+/// largest stretch then z = A w / |A w|. If it belongs to the smallest then the other two stretches are at least `s[0]`
+/// / sqrt 3, and z is the unit vector along A e x A f. In both cases the rotations (z, p, q) and (w, e, f) take A to
+/// s_w next to a 2x2 matrix, up to machine precision.
 #[inline(always)]
 pub fn svd3<T: Real>(a: [[T; 3]; 3]) -> Svd<T, 3, 3> {
     let Scaled { a, back, poison } = scale(a);

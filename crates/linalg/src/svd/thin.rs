@@ -5,12 +5,12 @@ use super::frame::{Scaled, blend, columns, complete, cross, dot, from_columns, n
 use super::plane::svd2_scaled;
 use crate::simd::Real;
 
-/// A = U[:, ..2] diag(s) V^T of a matrix of 3 rows and 2 columns: s[0] >= s[1] >= 0, V a proper rotation of the plane, U
-/// a proper rotation of space. Its third column is the unit normal, along the cross product of the columns of A where
-/// that is not 0.
+/// A = `U[:, ..2]` diag(s) V^T of a matrix of 3 rows and 2 columns: `s[0] >= s[1] >= 0`, V a proper rotation of the
+/// plane, U a proper rotation of space. Its third column is the unit normal, along the cross product of the columns of
+/// A where that is not 0.
 ///
-/// |A - U diag(s) V^T| is a few machine epsilons times s[0]. The columns (a, b) are taken to triangular form by the frame
-/// of a and of the part of b across it, and the 2x2 matrix is decomposed in closed form.
+/// |A - U diag(s) V^T| is a few machine epsilons times `s[0]`. The columns (a, b) are taken to triangular form by the
+/// frame of a and of the part of b across it, and the 2x2 matrix is decomposed in closed form.
 #[inline(always)]
 pub fn svd32<T: Real>(a: [[T; 2]; 3]) -> Svd<T, 3, 2> {
     let scaled = scale(a);
@@ -30,8 +30,8 @@ pub fn svd32<T: Real>(a: [[T; 2]; 3]) -> Svd<T, 3, 2> {
     }
 }
 
-/// A = U[:, 0] s of a single column of 3 entries: s is its length, U[:, 0] its direction (the first axis where it is 0), and
-/// the rest of U completes a proper rotation.
+/// A = `U[:, 0]` s of a single column of 3 entries: s is its length, `U[:, 0]` its direction (the first axis where it
+/// is 0), and the rest of U completes a proper rotation.
 #[inline(always)]
 pub fn svd31<T: Real>(a: [[T; 1]; 3]) -> Svd<T, 3, 1> {
     let scaled = scale(a);
