@@ -1,7 +1,7 @@
 //! Nanoseconds per matrix of the small decompositions: the mean time of a sample over 98,304 items.
 //!
-//! `lanes` decomposes matrices from memory into a buffer that stays in the first-level cache, as a kernel does that uses
-//! the factors at once; `batch` writes all factors to memory, and is bound by it.
+//! `lanes` decomposes matrices from memory into a buffer that stays in the first-level cache, as a kernel does that
+//! uses the factors at once; `batch` writes all factors to memory, and is bound by it.
 #![allow(missing_docs)] // divan's macros make public items
 
 use divan::{Bencher, counter::ItemsCount};
