@@ -1,5 +1,6 @@
 //! An f32 factor corrected in f64.
 
+use super::factor::power_of_two_below;
 use super::pattern::check_length;
 use super::{Cholesky, SolveScratch, SparseError, SymPattern, Symbolic};
 use rayon::prelude::*;
@@ -27,13 +28,13 @@ pub struct MixedCholesky {
 #[derive(Default)]
 pub struct MixedScratch {
     solve: SolveScratch,
+    b: Vec<f64>,
     x: Vec<f64>,
     r: Vec<f64>, // b - A x
     z: Vec<f64>, // M^-1 r
     p: Vec<f64>, // search direction
     q: Vec<f64>, // A p
     partial: Vec<f64>,
-    columns: Vec<Column>,
 }
 
 impl MixedScratch {
@@ -50,14 +51,6 @@ pub struct Corrected {
     pub residual: f64,
     /// Solves with the f32 factor.
     pub steps: usize,
-}
-
-/// Scalars of one right-hand side.
-#[derive(Clone, Copy, Default)]
-struct Column {
-    b2: f64,
-    rz: f64,
-    step: f64,
 }
 
 impl MixedCholesky {
@@ -115,22 +108,26 @@ impl MixedCholesky {
     }
 
     /// y = A x by rows.
-    fn multiply(&self, x: &[f64], nrhs: usize, y: &mut [f64]) {
-        y.par_chunks_mut(CHUNK * nrhs).enumerate().for_each(|(chunk, y)| {
-            for (k, y) in y.chunks_exact_mut(nrhs).enumerate() {
+    fn multiply<const NR: usize>(&self, x: &[[f64; NR]], y: &mut [[f64; NR]]) {
+        y.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, y)| {
+            for (k, y) in y.iter_mut().enumerate() {
                 let row = chunk * CHUNK + k;
-                y.fill(0.0);
-                for at in self.row_ptr[row]..self.row_ptr[row + 1] {
-                    let (a, j) = (self.values[at], self.columns[at] as usize);
-                    for (y, x) in y.iter_mut().zip(&x[j * nrhs..]) {
-                        *y += a * x;
+                let mut sum = [0.0; NR];
+                let range = self.row_ptr[row]..self.row_ptr[row + 1];
+                for (a, &j) in self.values[range.clone()].iter().zip(&self.columns[range]) {
+                    let x = &x[j as usize];
+                    for c in 0..NR {
+                        sum[c] += a * x[c];
                     }
                 }
+                *y = sum;
             }
         });
     }
 
     /// Solves A X = B in place to |b - A x| <= tolerance |b| for each right-hand side; `rhs` is n x nrhs, row by row.
+    ///
+    /// Up to four right-hand sides share one pass over factor and matrix.
     ///
     /// # Errors
     /// Wrong lengths, no numbers, or [`SparseError::NotConverged`], with the best solution found left in `rhs`:
@@ -146,95 +143,137 @@ impl MixedCholesky {
         if !self.factor.factored {
             return Err(SparseError::NotFactored);
         }
-        if rhs.is_empty() {
-            return Ok(Corrected { residual: 0.0, steps: 0 });
+        let mut end = Corrected { residual: 0.0, steps: 0 };
+        let mut first = 0;
+        while first < nrhs && !rhs.is_empty() {
+            let count = (nrhs - first).min(4);
+            let some = match count {
+                1 => self.solve_some::<1>(rhs, nrhs, first, tolerance, scratch)?,
+                2 => self.solve_some::<2>(rhs, nrhs, first, tolerance, scratch)?,
+                3 => self.solve_some::<3>(rhs, nrhs, first, tolerance, scratch)?,
+                _ => self.solve_some::<4>(rhs, nrhs, first, tolerance, scratch)?,
+            };
+            end.residual = worse(end.residual, some.residual);
+            end.steps = end.steps.max(some.steps);
+            first += count;
         }
-        let MixedScratch { solve, x, r, z, p, q, partial, columns } = scratch;
-        for v in [&mut *x, r, z, p, q] {
-            v.resize(rhs.len(), 0.0);
+        if end.residual <= tolerance {
+            Ok(end)
+        } else {
+            Err(SparseError::NotConverged { residual: end.residual, iterations: end.steps })
         }
-        partial.resize(rhs.len().div_ceil(CHUNK * nrhs) * nrhs, 0.0);
-        columns.clear();
-        columns.resize(nrhs, Column::default());
-        x.fill(0.0);
-        r.copy_from_slice(rhs);
-        dot(r, r, nrhs, partial, |c, v| columns[c].b2 = v);
-        let (mut steps, mut restart) = (0, true);
+    }
+
+    fn solve_some<const NR: usize>(
+        &self,
+        rhs: &mut [f64],
+        nrhs: usize,
+        first: usize,
+        tolerance: f64,
+        scratch: &mut MixedScratch,
+    ) -> Result<Corrected, SparseError> {
+        let n = self.factor.symbolic().n();
+        let MixedScratch { solve, b, x, r, z, p, q, partial } = scratch;
+        for v in [&mut *b, x, r, z, p, q] {
+            v.resize((n * NR).max(v.len()), 0.0);
+        }
+        partial.resize((n.div_ceil(CHUNK) * NR).max(partial.len()), 0.0);
+        let [b, x, r, z, p, q] = [b, x, r, z, p, q].map(|v| v[..n * NR].as_chunks_mut::<NR>().0);
+        let partial = partial[..n.div_ceil(CHUNK) * NR].as_chunks_mut::<NR>().0;
+        // In units of the largest entry, so that no square overflows or vanishes.
+        let mut unit = [0.0f64; NR];
+        for rhs in rhs.chunks_exact(nrhs) {
+            for c in 0..NR {
+                unit[c] = unit[c].max(rhs[first + c].abs());
+            }
+        }
+        let unit = unit.map(|v| if v.is_normal() { power_of_two_below(v) } else { 1.0 });
+        for (b, rhs) in b.iter_mut().zip(rhs.chunks_exact(nrhs)) {
+            *b = std::array::from_fn(|c| rhs[first + c] / unit[c]);
+        }
+        x.fill([0.0; NR]);
+        r.copy_from_slice(b);
+        let b2 = dot(b, b, partial);
+        let (mut steps, mut restart, mut rz) = (0, true, [0.0; NR]);
         // Residual at the last restart: the true one, which recurrences drift away from.
         let mut before = f64::INFINITY;
-        let mut residual = 1.0;
-        while steps < MOST_STEPS {
+        let mut residual = relative(r, &b2, partial);
+        while steps < MOST_STEPS && residual > tolerance {
             z.copy_from_slice(r);
-            self.factor.solve_in_place(z, nrhs, solve)?;
+            self.factor.solve_in_place(z.as_flattened_mut(), NR, solve)?;
             steps += 1;
-            // beta = z^T r_new / z_old^T r_old, and directions start anew from a true residual.
-            dot(r, z, nrhs, partial, |c, v| {
-                let column = &mut columns[c];
-                column.step = if restart || column.rz == 0.0 { 0.0 } else { v / column.rz };
-                column.rz = v;
-            });
-            combine(p, z, nrhs, columns, |p, z, beta| z + beta * p);
-            self.multiply(p, nrhs, q);
-            dot(p, q, nrhs, partial, |c, v| {
-                let column = &mut columns[c];
-                column.step = if v > 0.0 { column.rz / v } else { 0.0 };
-            });
-            combine(x, p, nrhs, columns, |x, p, alpha| x + alpha * p);
-            combine(r, q, nrhs, columns, |r, q, alpha| r - alpha * q);
+            // beta = z^T r_new / z_old^T r_old; directions start anew from a true residual.
+            let new = dot(r, z, partial);
+            let ratio = |c: usize| if restart || rz[c] == 0.0 { 0.0 } else { new[c] / rz[c] };
+            let beta: [f64; NR] = std::array::from_fn(ratio);
+            rz = new;
+            combine(p, z, |c, p, z| z + beta[c] * p);
+            self.multiply(p, q);
+            let curvature = dot(p, q, partial);
+            let alpha: [f64; NR] = std::array::from_fn(|c| if curvature[c] > 0.0 { rz[c] / curvature[c] } else { 0.0 });
+            combine(x, p, |c, x, p| x + alpha[c] * p);
+            combine(r, q, |c, r, q| r - alpha[c] * q);
             restart = false;
-            residual = relative(r, nrhs, partial, columns);
+            residual = relative(r, &b2, partial);
             if residual <= tolerance {
-                self.multiply(x, nrhs, q);
-                r.par_iter_mut().zip(&*rhs).zip(&*q).for_each(|((r, b), ax)| *r = b - ax);
-                residual = relative(r, nrhs, partial, columns);
-                if residual <= tolerance || residual > 0.5 * before {
+                self.multiply(x, q);
+                r.copy_from_slice(b);
+                combine(r, q, |_, b, ax| b - ax);
+                residual = relative(r, &b2, partial);
+                if residual > 0.5 * before {
                     break;
                 }
                 (before, restart) = (residual, true);
             }
         }
-        rhs.copy_from_slice(x);
-        if residual <= tolerance {
-            Ok(Corrected { residual, steps })
-        } else {
-            Err(SparseError::NotConverged { residual, iterations: steps })
+        for (x, rhs) in x.iter().zip(rhs.chunks_exact_mut(nrhs)) {
+            for c in 0..NR {
+                rhs[first + c] = x[c] * unit[c];
+            }
         }
+        Ok(Corrected { residual, steps })
     }
 }
 
 /// Worst |r| / |b| over columns; 0 / 0 is 0.
-fn relative(r: &[f64], nrhs: usize, partial: &mut [f64], columns: &[Column]) -> f64 {
-    let mut worst = 0.0f64;
-    dot(r, r, nrhs, partial, |c, r2| {
-        let ratio = if r2 == 0.0 { 0.0 } else { (r2 / columns[c].b2).sqrt() };
-        worst = if ratio.is_nan() { f64::NAN } else { worst.max(ratio) };
-    });
-    worst
+fn relative<const NR: usize>(r: &[[f64; NR]], b2: &[f64; NR], partial: &mut [[f64; NR]]) -> f64 {
+    let r2 = dot(r, r, partial);
+    (0..NR).fold(0.0, |worst: f64, c| {
+        let ratio = if r2[c] == 0.0 { 0.0 } else { (r2[c] / b2[c]).sqrt() };
+        worse(worst, ratio)
+    })
 }
 
-/// Column sums of a b, handed to `take(column, sum)`.
-fn dot(a: &[f64], b: &[f64], nrhs: usize, partial: &mut [f64], mut take: impl FnMut(usize, f64)) {
-    let size = CHUNK * nrhs;
-    partial.par_chunks_mut(nrhs).zip(a.par_chunks(size).zip(b.par_chunks(size))).for_each(|(sum, (a, b))| {
-        sum.fill(0.0);
-        for (a, b) in a.chunks_exact(nrhs).zip(b.chunks_exact(nrhs)) {
-            for (s, (a, b)) in sum.iter_mut().zip(a.iter().zip(b)) {
-                *s += a * b;
+/// The larger; NaN if either is.
+fn worse(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b <= a { a } else { b }
+}
+
+/// a^T b by columns.
+fn dot<const NR: usize>(a: &[[f64; NR]], b: &[[f64; NR]], partial: &mut [[f64; NR]]) -> [f64; NR] {
+    partial.par_iter_mut().zip(a.par_chunks(CHUNK).zip(b.par_chunks(CHUNK))).for_each(|(sum, (a, b))| {
+        let mut s = [0.0; NR];
+        for (a, b) in a.iter().zip(b) {
+            for c in 0..NR {
+                s[c] += a[c] * b[c];
             }
         }
+        *sum = s;
     });
-    for c in 0..nrhs {
-        take(c, partial.iter().skip(c).step_by(nrhs).sum());
-    }
+    partial.iter().fold([0.0; NR], |mut total, s| {
+        for c in 0..NR {
+            total[c] += s[c];
+        }
+        total
+    })
 }
 
-/// y = f(y, x, step of the column).
-fn combine(y: &mut [f64], x: &[f64], nrhs: usize, columns: &[Column], f: impl Fn(f64, f64, f64) -> f64 + Sync) {
-    let size = CHUNK * nrhs;
-    y.par_chunks_mut(size).zip(x.par_chunks(size)).for_each(|(y, x)| {
-        for (y, x) in y.chunks_exact_mut(nrhs).zip(x.chunks_exact(nrhs)) {
-            for ((y, x), column) in y.iter_mut().zip(x).zip(columns) {
-                *y = f(*y, *x, column.step);
+/// y = f(column, y, x).
+fn combine<const NR: usize>(y: &mut [[f64; NR]], x: &[[f64; NR]], f: impl Fn(usize, f64, f64) -> f64 + Sync) {
+    y.par_chunks_mut(CHUNK).zip(x.par_chunks(CHUNK)).for_each(|(y, x)| {
+        for (y, x) in y.iter_mut().zip(x) {
+            for c in 0..NR {
+                y[c] = f(c, y[c], x[c]);
             }
         }
     });
