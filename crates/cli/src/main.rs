@@ -1,2 +1,39 @@
 //! The command `proxel`.
-fn main() {}
+//!
+//! Exit status: 0 converged or done, 1 failed, 2 bad input or usage, 3 stopped before convergence,
+//! 130 cancelled.
+
+mod args;
+mod convert;
+mod deform;
+mod demo;
+mod files;
+mod info;
+mod interrupt;
+mod picture;
+mod progress;
+mod refusal;
+
+use std::process::ExitCode;
+
+use args::Command;
+
+/// Bad input or usage.
+const BAD_INPUT: u8 = 2;
+
+fn main() -> ExitCode {
+    let command = match args::parse() {
+        Ok(command) => command,
+        Err(code) => return code,
+    };
+    let end = match command {
+        Command::Deform(args) => deform::run(&args),
+        Command::Demo(args) => demo::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Convert(args) => convert::run(&args),
+    };
+    ExitCode::from(end.unwrap_or_else(|refusal| {
+        eprintln!("error: {refusal}");
+        BAD_INPUT
+    }))
+}

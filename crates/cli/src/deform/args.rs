@@ -1,0 +1,232 @@
+//! The arguments of `proxel deform`, and the settings that they make.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use proxel::model::energy::{MaterialError, names};
+use proxel::settings::{AdmmSettings, DeformSettings, Material, MethodName, Schedule};
+
+use crate::args::{SolveArgs, vector};
+use crate::refusal::Refusal;
+
+/// The arguments of `proxel deform`.
+#[derive(Args)]
+#[command(after_help = "\
+Pins: a text file of 0-based vertex indices, any number a line, # starts a comment; they are held
+where the start has them. Or groups, in a .toml or .json file:
+  [groups.foot]
+  box = { min = [-1, -1, -1], max = [1, -0.9, 1] }   # also indices, sphere, plane; combine = \"any\"
+  [groups.hand]
+  sphere = { center = [0, 2, 0], radius = 0.3 }
+  rotate = { axis = [0, 0, 1], angle = 90 }          # also translate, scale, targets
+  [groups.wind]
+  indices = [7, 8]
+  force = { total = [10, 0, 0] }                     # or each; stiffness = 1e4 makes soft springs
+
+Examples:
+  proxel deform rest.node --init init.node --pins handles.txt --out posed.vtu
+  proxel deform body.mesh --pins hands.toml --material stable-neo-hookean --poisson 0.49 \\
+      --out posed.ply --preview posed.png --report report.json
+  proxel deform beam.msh --pins wall.toml --density 1000 --gravity 0,-9.81,0 --out sag.vtu")]
+pub struct DeformArgs {
+    /// The body at rest: tetrahedra, or triangles, or edges.
+    #[arg(value_name = "REST", required_unless_present = "show_settings")]
+    pub rest: Option<PathBuf>,
+    /// Where vertices start, in the order of REST. Without it pinned vertices go to their targets
+    /// and the others follow.
+    #[arg(long, value_name = "FILE")]
+    pub init: Option<PathBuf>,
+    /// What holds the body: vertex indices, or groups (see below).
+    #[arg(long, value_name = "FILE")]
+    pub pins: Option<PathBuf>,
+    /// Positions to measure the position error against; they change nothing.
+    #[arg(long, value_name = "FILE")]
+    pub reference: Option<PathBuf>,
+    #[command(flatten)]
+    pub solve: SolveArgs,
+    #[command(flatten)]
+    pub material: MaterialArgs,
+    #[command(flatten)]
+    pub method: MethodArgs,
+    /// Turn tetrahedra of negative volume instead of refusing them.
+    #[arg(long)]
+    pub fix_orientation: bool,
+}
+
+/// What the body is made of.
+#[derive(Args)]
+#[command(next_help_heading = "Material and loads")]
+pub struct MaterialArgs {
+    /// The energy.
+    #[arg(long, value_name = "NAME", value_parser = energies(), default_value = DeformSettings::default().material.energy)]
+    pub material: String,
+    /// Materials of regions: a .toml file such as `[3]` and below `energy = "arap"`, `young = 1e5`.
+    #[arg(long, value_name = "FILE.toml")]
+    pub materials: Option<PathBuf>,
+    /// Young's modulus, force over area.
+    #[arg(long, value_name = "E", allow_negative_numbers = true,
+          default_value = format!("{:e}", DeformSettings::default().material.young))]
+    pub young: f64,
+    /// Poisson's ratio, between -1 and 0.5.
+    #[arg(long, value_name = "NU", allow_negative_numbers = true,
+          default_value_t = DeformSettings::default().material.poisson)]
+    pub poisson: f64,
+    /// Shear modulus, in the place of Young's modulus and Poisson's ratio.
+    #[arg(long, value_name = "MU", allow_negative_numbers = true, conflicts_with_all = ["young", "poisson"])]
+    pub mu: Option<f64>,
+    /// First Lame parameter, beside --mu.
+    #[arg(long, value_name = "LAMBDA", allow_negative_numbers = true, requires = "mu")]
+    pub lambda: Option<f64>,
+    /// Mass over volume; with --gravity the body has weight.
+    #[arg(long, value_name = "RHO", allow_negative_numbers = true, default_value_t = DeformSettings::default().density)]
+    pub density: f64,
+    /// Acceleration, such as 0,-9.81,0.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    pub gravity: Option<[f64; 3]>,
+}
+
+/// How it is solved.
+#[derive(Args)]
+#[command(next_help_heading = "Method")]
+pub struct MethodArgs {
+    /// wrapd: rotation-aware, dynamic weights; r-admm: rotation-aware; w-admm: dynamic weights;
+    /// admm-pd: neither.
+    #[arg(long, value_name = "NAME", value_parser = method_names(), default_value = MethodName::default().as_str())]
+    pub method: String,
+    /// Where the paper and its authors' code differ, which to follow; default is the fastest.
+    #[arg(long, value_name = "NAME", value_parser = ["paper", "reference", "default"], default_value = "default")]
+    pub schedule: String,
+    /// Factor of the squared weights.
+    #[arg(long, value_name = "BETA", allow_negative_numbers = true)]
+    pub weight_scale: Option<f64>,
+    /// First iteration that may change weights.
+    #[arg(long, value_name = "K")]
+    pub reweight_from: Option<usize>,
+    /// Weights change when one is off by more than this factor.
+    #[arg(long, value_name = "GAMMA", allow_negative_numbers = true)]
+    pub gamma: Option<f64>,
+    /// Least weight, in units of the first.
+    #[arg(long, value_name = "BETA_MIN", allow_negative_numbers = true)]
+    pub weight_min: Option<f64>,
+    /// Largest weight, in units of the first.
+    #[arg(long, value_name = "BETA_MAX", allow_negative_numbers = true)]
+    pub weight_max: Option<f64>,
+    /// Pairs that L-BFGS keeps in the global step.
+    #[arg(long, value_name = "N")]
+    pub window: Option<usize>,
+    /// How exactly the global step is solved: smaller is more exact.
+    #[arg(long, value_name = "KAPPA", allow_negative_numbers = true)]
+    pub kappa: Option<f64>,
+    /// Most inner steps of a global step.
+    #[arg(long, value_name = "N")]
+    pub max_inner: Option<usize>,
+    /// Shorten inner steps until they descend.
+    #[arg(long)]
+    pub line_search: bool,
+}
+
+fn energies() -> PossibleValuesParser {
+    // Those of solids first, then what only surfaces or springs have.
+    let mut all = names(3);
+    for name in names(2).into_iter().chain(names(1)) {
+        if !all.contains(&name) {
+            all.push(name);
+        }
+    }
+    PossibleValuesParser::new(all)
+}
+
+fn method_names() -> PossibleValuesParser {
+    PossibleValuesParser::new(MethodName::ALL.map(MethodName::as_str))
+}
+
+impl DeformArgs {
+    /// All settings: defaults of the schedule, and what was given.
+    pub fn settings(&self) -> Result<DeformSettings, Refusal> {
+        let schedule = match self.method.schedule.as_str() {
+            "paper" => Schedule::Paper,
+            "reference" => Schedule::Reference,
+            _ => Schedule::Default,
+        };
+        let mut s = DeformSettings::of(schedule);
+        s.method = MethodName::from_name(&self.method.method).unwrap_or_default(); // clap lets no other through
+        self.method.apply(&mut s.admm);
+        let m = &self.material;
+        s.material = Material {
+            energy: m.material.clone(),
+            young: m.young,
+            poisson: m.poisson,
+            mu: m.mu,
+            lambda: m.lambda,
+        };
+        if let Err(e) = s.material.lame() {
+            let option = match e {
+                MaterialError::Young(_) => "--young: ",
+                MaterialError::Poisson(_) => "--poisson: ",
+                MaterialError::Mu(_) => "--mu: ",
+                MaterialError::Lambda { .. } => "--lambda: ",
+                _ => "",
+            };
+            return Err(Refusal::new(format!("{option}{e}")));
+        }
+        if let Some(path) = &m.materials {
+            s.materials = read_materials(path)?;
+        }
+        s.density = m.density;
+        s.gravity = m.gravity.unwrap_or(s.gravity);
+        s.fix_orientation = self.fix_orientation;
+        s.tol = self.solve.tol;
+        s.max_iters = self.solve.max_iters;
+        s.time_limit = self.solve.time_limit;
+        s.threads = self.solve.threads;
+        s.check().map_err(Refusal::new)?;
+        Ok(s)
+    }
+}
+
+impl MethodArgs {
+    fn apply(&self, admm: &mut AdmmSettings) {
+        fn set<T: Copy>(to: &mut T, from: Option<T>) {
+            *to = from.unwrap_or(*to);
+        }
+        set(&mut admm.weight_scale, self.weight_scale);
+        set(&mut admm.reweight_from, self.reweight_from);
+        set(&mut admm.reweight_trigger, self.gamma);
+        set(&mut admm.weight_min, self.weight_min);
+        set(&mut admm.weight_max, self.weight_max);
+        set(&mut admm.window, self.window);
+        set(&mut admm.kappa, self.kappa);
+        set(&mut admm.max_inner, self.max_inner);
+        admm.line_search |= self.line_search;
+    }
+}
+
+/// Materials by region: `[3]`, then `energy`, `young`, `poisson`, `mu`, `lambda`; what is left out
+/// has its default.
+fn read_materials(path: &Path) -> Result<BTreeMap<i32, Material>, Refusal> {
+    let file = path.display();
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Refusal::new(format!("{file}: cannot be read: {e}; check the path")))?;
+    let named: BTreeMap<String, Material> = toml::from_str(&text).map_err(|e| {
+        let line = e.span().map(|s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+        let at = line.map(|l| format!("line {l}: ")).unwrap_or_default();
+        let what = e.message().lines().next().unwrap_or_default().trim().to_owned();
+        Refusal::new(format!("{file}: {at}{what}; write sections such as [3] with energy, young, poisson, mu, lambda"))
+    })?;
+    let mut out = BTreeMap::new();
+    for (name, material) in named {
+        let Ok(region) = name.parse::<i32>() else {
+            return Err(Refusal::new(format!("{file}: `{name}` is no region; name sections by the regions of the mesh")));
+        };
+        let refuse = |what: String| Refusal::new(format!("{file}: region {region}: {what}"));
+        material.lame().map_err(|e| refuse(e.to_string()))?;
+        if ![1, 2, 3].iter().any(|&k| names(k).contains(&material.energy.as_str())) {
+            let known = names(3).join(", ");
+            return Err(refuse(format!("no energy is called `{}`; there are {known}", material.energy)));
+        }
+        out.insert(region, material);
+    }
+    Ok(out)
+}

@@ -1,0 +1,49 @@
+//! The progress of a run, on a terminal only.
+
+use std::io::IsTerminal;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use proxel::deform::Progress;
+
+/// A line that says where the run stands.
+pub struct Bar(Option<ProgressBar>);
+
+impl Bar {
+    /// Shown unless `quiet` or where stderr is no terminal.
+    pub fn new(quiet: bool, max_iters: usize) -> Self {
+        if quiet || !std::io::stderr().is_terminal() {
+            return Bar(None);
+        }
+        let bar = ProgressBar::new(max_iters as u64);
+        let style = ProgressStyle::with_template("{spinner} [{bar:24}] {pos}/{len} iterations, {elapsed}, {msg}");
+        if let Ok(style) = style {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        bar.set_message("setting up");
+        bar.enable_steady_tick(Duration::from_millis(100));
+        Bar(Some(bar))
+    }
+
+    /// Whether anyone looks.
+    pub fn is_shown(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Says where the run stands.
+    pub fn show(&self, p: &Progress) {
+        let Some(bar) = &self.0 else { return };
+        bar.set_position(p.iteration as u64);
+        bar.set_message(match p.inverted {
+            0 => format!("energy {:.8e}", p.energy),
+            n => format!("energy {:.8e}, {n} inverted", p.energy),
+        });
+    }
+
+    /// Takes the line away.
+    pub fn clear(&self) {
+        if let Some(bar) = &self.0 {
+            bar.finish_and_clear();
+        }
+    }
+}
