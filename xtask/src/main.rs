@@ -1,2 +1,63 @@
-//! Chores: `cargo xtask test`, `cargo xtask lint`, `cargo xtask repro NAME --out DIR`.
-fn main() {}
+//! Chores of the workspace, run as `cargo xtask NAME`: tests, lints, the demo, reproductions.
+//!
+//! They need nothing but cargo. What a chore runs is printed before it runs, and the exit status of what failed
+//! is passed on.
+
+mod run;
+mod summary;
+mod test;
+
+use run::{Failure, Step, cargo};
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+const HELP: &str = "\
+Usage: cargo xtask CHORE
+
+Chores:
+  test                    all tests, doctests and examples, and the demo into target/demo
+  lint                    formatting, clippy and the documentation, warnings being errors
+  demo [ARGS]             proxel demo, as released
+  repro NAME --out DIR    a reproduction of a published table or figure; without arguments, their list
+  help                    this text
+
+PROXEL_DATA names the folder with quasistatic/, parameterization/, .. that tests and reproductions on real
+models read. Without it those tests are skipped.";
+
+fn main() -> ExitCode {
+    let mut args = std::env::args_os().skip(1);
+    let chore = args.next().unwrap_or_else(|| "help".into());
+    let rest: Vec<OsString> = args.collect();
+    let end = match chore.to_string_lossy().as_ref() {
+        "test" => none(&rest).and_then(|()| test::test()),
+        "lint" => none(&rest).and_then(|()| lint()),
+        "demo" => run::proxel(["demo"]).args(rest).run(),
+        "repro" => cargo(["run", "--release", "--package", "proxel-bench", "--bin", "repro", "--"]).args(rest).run(),
+        "help" | "--help" | "-h" => {
+            println!("{HELP}");
+            Ok(())
+        }
+        other => Err(Failure::usage(format!("there is no chore `{other}`\n\n{HELP}"))),
+    };
+    end.map_or_else(|failure| failure.report(), |()| ExitCode::SUCCESS)
+}
+
+/// Chores without arguments refuse them instead of ignoring them.
+fn none(rest: &[OsString]) -> Result<(), Failure> {
+    match rest.first() {
+        None => Ok(()),
+        Some(first) => Err(Failure::usage(format!("this chore takes no arguments, got `{}`", first.to_string_lossy()))),
+    }
+}
+
+fn lint() -> Result<(), Failure> {
+    let steps: [Step; 3] = [
+        cargo(["fmt", "--all", "--check"]),
+        cargo(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]),
+        // Libraries only: the command has the name of the facade and would overwrite its pages.
+        cargo(["doc", "--workspace", "--lib", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"),
+    ];
+    run::all(steps)?;
+    println!("lint: formatting, clippy and documentation are clean");
+    Ok(())
+}
