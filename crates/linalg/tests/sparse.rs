@@ -1,5 +1,6 @@
 //! The sparse factor and solve against dense Cholesky, over shapes, precisions, thread counts and bad input.
 
+use proxel_linalg::simd::Level;
 use proxel_linalg::sparse::{
     Cholesky, MixedCholesky, MixedScratch, Ordering, Scalar, SolveScratch, SparseError, SymPattern, Symbolic,
 };
@@ -318,4 +319,27 @@ fn slots_name_the_entries() {
         }
     }
     assert_eq!((m.pattern.slot(0, 59), m.pattern.slot(60, 60), m.pattern.slot(0, 7)), (None, None, None));
+}
+
+#[test]
+fn every_instruction_set_agrees() {
+    fn check<T: Scalar>(limit: f64) {
+        let mut random = Random(17);
+        for m in [grid(13, 12, 11, &mut random), shapes(&mut random).pop().unwrap().1] {
+            let symbolic = Arc::new(Symbolic::analyze(&m.pattern, Ordering::Auto).unwrap());
+            for level in Level::available() {
+                let mut factor = Cholesky::<T>::with_level(symbolic.clone(), level);
+                factor.refactor(&m.values).unwrap();
+                for nrhs in 1..=4 {
+                    let b: Vec<f64> = (0..m.n() * nrhs).map(|_| random.unit()).collect();
+                    let mut x = b.clone();
+                    factor.solve_in_place(&mut x, nrhs, &mut SolveScratch::new()).unwrap();
+                    let r = residual(&m, &x, &b, nrhs);
+                    assert!(r < limit, "{level:?}: {r:e}");
+                }
+            }
+        }
+    }
+    check::<f64>(1e-13);
+    check::<f32>(1e-4);
 }

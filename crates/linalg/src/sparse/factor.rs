@@ -9,6 +9,7 @@ use super::memory::{Lines, Shared};
 use super::pattern::check_length;
 use super::symbolic::Symbolic;
 use super::vector::Scalar;
+use crate::simd::Level;
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::Arc;
@@ -46,12 +47,19 @@ pub struct Cholesky<T: Scalar> {
     /// Powers of two near `1 / sqrt(a_ii)`, new order; empty if the precision is not scaled.
     pub(super) scale: Vec<f64>,
     pub(super) factored: bool,
+    pub(super) level: Level,
     precision: PhantomData<T>,
 }
 
 impl<T: Scalar> Cholesky<T> {
     /// A factor without numbers yet; all memory is taken here.
     pub fn new(symbolic: Arc<Symbolic>) -> Self {
+        Self::with_level(symbolic, Level::best())
+    }
+
+    /// As [`Self::new`], with kernels for this instruction set (or the best of this machine, if that is less).
+    /// Results under different instruction sets differ in rounding.
+    pub fn with_level(symbolic: Arc<Symbolic>, level: Level) -> Self {
         let layout = Layout::new(&symbolic, T::LANES);
         let panels = Lines::new(layout.panel[layout.panel.len() - 1]);
         Self {
@@ -60,6 +68,7 @@ impl<T: Scalar> Cholesky<T> {
             arena: Lines::default(),
             scale: Vec::new(),
             factored: false,
+            level,
             precision: PhantomData,
             symbolic,
         }
@@ -90,6 +99,7 @@ impl<T: Scalar> Cholesky<T> {
             self.find_scale(values)?;
         }
         let job = Job::<T> {
+            level: self.level,
             symbolic: &self.symbolic,
             layout: &self.layout,
             values,
@@ -145,6 +155,7 @@ struct Failure {
 }
 
 struct Job<'a, T: Scalar> {
+    level: Level,
     symbolic: &'a Symbolic,
     layout: &'a Layout,
     values: &'a [f64],
@@ -229,12 +240,14 @@ impl<T: Scalar> Job<'_, T> {
         let front = memory.front;
         if node.parent != NONE {
             let flops = (front.update_blocks() * T::LANES).pow(2) as f64 / 2.0 * front.w as f64;
-            over_blocks(0..front.update_blocks(), flops, &|rows| T::dispatch(Update { memory, rows }));
+            over_blocks(0..front.update_blocks(), flops, &|rows| T::dispatch(self.level, Update { memory, rows }));
             self.add_children(s, &memory, Part::Update);
         }
         copy_triangle(&memory);
         let flops = (front.m * front.w * front.w) as f64 / 2.0;
-        over_blocks(0..front.blocks(), flops, &|rows| T::dispatch(Invert { memory, rows, _precision: PhantomData }));
+        over_blocks(0..front.blocks(), flops, &|rows| {
+            T::dispatch(self.level, Invert { memory, rows, _precision: PhantomData })
+        });
         Ok(())
     }
 
@@ -258,11 +271,11 @@ impl<T: Scalar> Job<'_, T> {
         let mut start = 0;
         while start < bands {
             let end = (start + BAND).min(bands);
-            T::dispatch(FactorBand { memory, bands: start..end })?;
+            T::dispatch(self.level, FactorBand { memory, bands: start..end })?;
             let width = ((end - start) * T::LANES) as f64;
             let flops = ((blocks - end) * T::LANES) as f64 * width * ((start + end) * T::LANES) as f64 / 2.0;
             over_blocks(end..blocks, flops, &|rows| {
-                T::dispatch(FactorRows { memory, bands: start..end, rows });
+                T::dispatch(self.level, FactorRows { memory, bands: start..end, rows });
             });
             start = end;
         }

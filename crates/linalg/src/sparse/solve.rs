@@ -158,14 +158,15 @@ impl<T: Scalar, const NR: usize> Task<'_, T, NR> {
                 index: layout.index[from..to].as_ptr(),
             }
         };
-        T::dispatch(Sweep::<T, _, NR> {
+        let sweep = Sweep::<T, _, NR> {
             step: &step,
             range: symbolic.groups[g].supernodes.clone(),
             vector: self.vector(g),
             // SAFETY: laid out by `solve_some`.
             room: unsafe { self.lines.at(self.room[g] * T::LANES) },
             forward,
-        });
+        };
+        T::dispatch(factor.level, sweep);
     }
 
     fn forward_group(&self, g: usize) {

@@ -25,8 +25,8 @@ pub(super) mod sealed {
         fn to_f64(self) -> f64;
         /// a + b
         fn sum(a: Self, b: Self) -> Self;
-        /// Runs a kernel under an instruction set that this machine has.
-        fn dispatch<K: super::Kernel<Self>>(kernel: K) -> K::Output;
+        /// Runs a kernel under an instruction set, or the best that this machine has if that is less.
+        fn dispatch<K: super::Kernel<Self>>(level: super::Level, kernel: K) -> K::Output;
     }
 }
 
@@ -213,7 +213,7 @@ macro_rules! scalar {
                 a + b
             }
             #[inline]
-            fn dispatch<K: Kernel<Self>>(kernel: K) -> K::Output {
+            fn dispatch<K: Kernel<Self>>(level: Level, kernel: K) -> K::Output {
                 #[cfg(target_arch = "x86_64")]
                 {
                     #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
@@ -226,7 +226,7 @@ macro_rules! scalar {
                         // SAFETY: as above.
                         unsafe { kernel.run::<super::x86::$avx2>() }
                     }
-                    match Level::best() {
+                    match level.min(Level::best()) {
                         // SAFETY: `best` has detected the sets.
                         Level::Avx512 => return unsafe { avx512(kernel) },
                         // SAFETY: as above.
@@ -234,7 +234,7 @@ macro_rules! scalar {
                         Level::Baseline => {}
                     }
                 }
-                let _ = Level::Baseline;
+                let _ = level;
                 // SAFETY: arrays need no instruction set.
                 unsafe { kernel.run::<$array>() }
             }
