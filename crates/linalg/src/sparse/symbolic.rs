@@ -71,25 +71,9 @@ impl Symbolic {
     /// # Errors
     /// A given order that is no permutation, or a pattern too large for the order's 32-bit interface.
     pub fn analyze(pattern: &SymPattern, ordering: Ordering) -> Result<Self, SparseError> {
-        let n = pattern.n();
         let fill = fill_reducing(pattern, ordering)?;
-        let inverse = invert(&fill);
-        // Postorder of the elimination tree: relabels columns so that supernodes are contiguous.
-        let lower = Lower::permuted(pattern, &inverse);
-        let parent = elimination_tree(&lower);
-        let (ptr, list) = children(&parent);
-        let post = postorder(&ptr, &list);
-        let perm: Vec<u32> = post.iter().map(|&k| fill[k as usize]).collect();
-        let relabel = invert(&post);
-        let mut tree = vec![NONE; n];
-        for (old, &p) in parent.iter().enumerate() {
-            if p != NONE {
-                tree[relabel[old] as usize] = relabel[p as usize];
-            }
-        }
-        let lower = Lower::permuted(pattern, &invert(&perm));
-        let counts = column_counts(&lower, &tree);
-        let merged = Supernodes::find(&tree, &counts);
+        let (Tree { perm, parent }, counts) = postordered_counts(pattern, &fill);
+        let merged = Supernodes::find(&parent, &counts);
         let grouping = groups::group(&merged);
 
         let final_perm: Vec<u32> =
@@ -295,6 +279,32 @@ impl Symbolic {
     pub fn factor_flops(&self) -> f64 {
         self.supernodes.iter().flat_map(|s| (0..s.width).map(|k| ((s.width - k + s.below) as f64).powi(2))).sum()
     }
+}
+
+/// An elimination tree whose columns are in postorder.
+pub(super) struct Tree {
+    /// `perm[new] = old`
+    pub perm: Vec<u32>,
+    pub parent: Vec<u32>,
+}
+
+/// Postorders the elimination tree of the matrix in this order, and counts the entries of the columns of L.
+pub(super) fn postordered_counts(pattern: &SymPattern, fill: &[u32]) -> (Tree, Vec<u32>) {
+    let lower = Lower::permuted(pattern, &invert(fill));
+    let above = elimination_tree(&lower);
+    let (ptr, list) = children(&above);
+    let post = postorder(&ptr, &list);
+    let perm: Vec<u32> = post.iter().map(|&k| fill[k as usize]).collect();
+    let relabel = invert(&post);
+    let mut parent = vec![NONE; fill.len()];
+    for (old, &p) in above.iter().enumerate() {
+        if p != NONE {
+            parent[relabel[old] as usize] = relabel[p as usize];
+        }
+    }
+    let lower = Lower::permuted(pattern, &invert(&perm));
+    let counts = column_counts(&lower, &parent);
+    (Tree { perm, parent }, counts)
 }
 
 /// Inverse of a permutation.
