@@ -122,14 +122,14 @@ fn least(seconds: f64, mut f: impl FnMut()) -> f64 {
 fn factor_and_solve<T: Scalar>(symbolic: &Arc<Symbolic>, values: &[f64], name: &str) {
     let n = symbolic.n();
     let mut factor = Cholesky::<T>::new(symbolic.clone());
-    let refactor = least(0.7, || factor.refactor(values).expect("positive definite"));
+    let refactor = least(1.0, || factor.refactor(values).expect("positive definite"));
     let mut scratch = SolveScratch::new();
     let solves: Vec<String> = [3, 2, 1]
         .into_iter()
         .map(|nrhs| {
             let rhs: Vec<f64> = (0..n * nrhs).map(|k| ((k * 7919) % 1000) as f64 / 500.0 - 1.0).collect();
             let mut x = rhs.clone();
-            let ms = least(0.5, || {
+            let ms = least(1.0, || {
                 x.copy_from_slice(&rhs);
                 factor.solve_in_place(&mut x, nrhs, &mut scratch).expect("factored");
             });

@@ -1,6 +1,6 @@
 //! Assembly of fronts: matrix entries, then what children pass on.
 
-use super::dense::FrontMemory;
+use super::front::FrontMemory;
 use super::layout::Front;
 use super::symbolic::Entry;
 use super::vector::Scalar;
@@ -28,10 +28,12 @@ pub(super) unsafe fn add_entries<T: Scalar>(
     unsafe {
         std::ptr::write_bytes(memory.panel, 0, count);
         for entry in entries {
-            let value = values[entry.slot] * scale(entry);
+            let value = values[entry.slot];
             if !value.is_finite() {
                 return Err(*entry);
             }
+            // May overflow where the matrix is far from positive definite; its pivot then says so.
+            let value = value * scale(entry);
             *memory.panel.add(panel_place(front, entry.row as usize, entry.column as usize)) = T::from_f64(value);
         }
         for k in 0..front.w {

@@ -2,8 +2,10 @@
 
 use super::SparseError;
 use super::assemble::{Part, add_child, add_entries};
-use super::dense::{BadPivot, FactorBand, FactorRows, FrontMemory, Invert, Update, copy_triangle};
+use super::dense::{BadPivot, FactorBand, FactorRows, Update};
 use super::etree::NONE;
+use super::front::FrontMemory;
+use super::invert::{Invert, copy_triangle};
 use super::layout::Layout;
 use super::memory::{Lines, Shared};
 use super::pattern::check_length;
@@ -245,9 +247,7 @@ impl<T: Scalar> Job<'_, T> {
         }
         copy_triangle(&memory);
         let flops = (front.m * front.w * front.w) as f64 / 2.0;
-        over_blocks(0..front.blocks(), flops, &|rows| {
-            T::dispatch(self.level, Invert { memory, rows, _precision: PhantomData })
-        });
+        over_blocks(0..front.blocks(), flops, &|rows| T::dispatch(self.level, Invert { memory, rows }));
         Ok(())
     }
 

@@ -14,7 +14,8 @@ const MOST_STEPS: usize = 100;
 /// A factor in `f32`, half the memory and bytes of an `f64` one, whose solves are corrected with the `f64` matrix.
 ///
 /// A solve is the conjugate gradient method on A x = b preconditioned by the f32 factor: each step gains the
-/// digits that the factor has, three to five. Where A is too ill-conditioned for an f32 factor, `refactor` says so.
+/// digits that the factor has, three to five. It is for memory, not for speed: on a mesh of 100,000 tetrahedra a
+/// solve to 1e-12 takes three steps, four times as long as with an f64 factor. Where A is too ill-conditioned for an f32 factor, `refactor` says so.
 pub struct MixedCholesky {
     factor: Cholesky<f32>,
     /// Both triangles by rows: where rows start, columns, slots and values.
@@ -139,7 +140,7 @@ impl MixedCholesky {
         tolerance: f64,
         scratch: &mut MixedScratch,
     ) -> Result<Corrected, SparseError> {
-        check_length("rhs", rhs.len(), self.factor.symbolic().n() * nrhs)?;
+        check_length("rhs", rhs.len(), self.factor.symbolic().n().saturating_mul(nrhs))?;
         if !self.factor.factored {
             return Err(SparseError::NotFactored);
         }

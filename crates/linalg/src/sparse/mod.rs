@@ -14,7 +14,9 @@ mod dense;
 mod error;
 mod etree;
 mod factor;
+mod front;
 mod groups;
+mod invert;
 mod layout;
 mod memory;
 mod mixed;
@@ -24,6 +26,7 @@ mod solve;
 mod supernodes;
 mod sweep;
 mod symbolic;
+mod tile;
 mod vector;
 #[cfg(target_arch = "x86_64")]
 mod x86;

@@ -174,7 +174,7 @@ impl SymPattern {
     /// # Errors
     /// A slice of the wrong length.
     pub fn multiply(&self, values: &[f64], x: &[f64], nrhs: usize, y: &mut [f64]) -> Result<(), SparseError> {
-        let expected = self.n() * nrhs;
+        let expected = self.n().saturating_mul(nrhs);
         check_length("values", values.len(), self.nnz())?;
         check_length("x", x.len(), expected)?;
         check_length("y", y.len(), expected)?;

@@ -33,7 +33,7 @@ impl<T: Scalar> Cholesky<T> {
     /// `rhs` of the wrong length, or a factor without numbers.
     pub fn solve_in_place(&self, rhs: &mut [f64], nrhs: usize, scratch: &mut SolveScratch) -> Result<(), SparseError> {
         let n = self.symbolic.n();
-        check_length("rhs", rhs.len(), n * nrhs)?;
+        check_length("rhs", rhs.len(), n.saturating_mul(nrhs))?;
         if !self.factored {
             return Err(SparseError::NotFactored);
         }
