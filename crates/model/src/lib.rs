@@ -2,3 +2,8 @@
 
 pub mod elements;
 pub mod energy;
+
+/// The guide to contributing, whose new energy is compiled and run as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../../../CONTRIBUTING.md")]
+struct Contributing;
