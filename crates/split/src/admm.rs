@@ -9,8 +9,8 @@
 //! | WRAPD | polar | [`crate::Lbfgs`] | W(22)-(23) |
 
 use crate::{
-    EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Problem, Reweighting, StepReport, SystemError,
-    vector,
+    EnergyReport, Evaluation, GlobalStep, Method, NormalMatrix, Objective, Problem, Residual, Residuals, Reweighting, StepReport,
+    SystemError, vector,
 };
 
 /// How an [`Admm`] is put together.
@@ -29,9 +29,10 @@ pub struct Admm {
     problem: Problem,
     normal: NormalMatrix,
     x: Vec<f64>,      // positions
-    z: Vec<Vec<f64>>, // local variables, a vector a term
+    p: Vec<Vec<f64>>, // z - u, what the global step aims at; a vector a term
     u: Vec<Vec<f64>>, // scaled duals, likewise
-    grad: Vec<f64>,   // gradient of the objective at x, where asked for
+    grad: Vec<f64>,   // gradient over the free nodes: of the global step's objective, or of the problem's
+    moved2: f64,      // sum w^2 |z - z_before|^2 of the last local step
     iteration: usize,
     energy: Option<EnergyReport>,
     evaluation: Option<Evaluation>,
@@ -47,22 +48,13 @@ impl Admm {
         let normal = NormalMatrix::new(&problem)?;
         let x = problem.x0.clone();
         let u: Vec<Vec<f64>> = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
-        let mut z = u.clone();
-        problem.moved();
-        for (term, z) in problem.terms.iter_mut().zip(&mut z) {
-            term.couple(&x, z);
+        let mut p = u.clone();
+        for (term, p) in problem.terms.iter_mut().zip(&mut p) {
+            term.couple(&x, p);
         }
         let grad = vec![0.0; problem.n_free * problem.dim];
-        Ok(Admm { settings, problem, normal, x, z, u, grad, iteration: 0, energy: None, evaluation: None })
-    }
-
-    /// z <- prox(c(Dx) + u), u <- u + c(Dx) - z.
-    fn local_step(&mut self) -> LocalReport {
-        let mut report = LocalReport::default();
-        for ((term, z), u) in self.problem.terms.iter_mut().zip(&mut self.z).zip(&mut self.u) {
-            report += term.local_step(&self.x, z, u);
-        }
-        report
+        let moved2 = f64::INFINITY;
+        Ok(Admm { settings, problem, normal, x, p, u, grad, moved2, iteration: 0, energy: None, evaluation: None })
     }
 
     /// Takes the candidate weights where one of them asks for it, W(22)-(23).
@@ -73,8 +65,8 @@ impl Admm {
         if ratio <= reweighting.trigger {
             return Ok(false);
         }
-        for (term, u) in self.problem.terms.iter_mut().zip(&mut self.u) {
-            term.take_weights(u);
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
+            term.take_weights(p, u);
         }
         self.normal.refactor(&self.problem)?;
         self.settings.global.reset();
@@ -86,9 +78,9 @@ impl Admm {
         &self.normal
     }
 
-    /// Local variables, one vector a term.
-    pub fn z(&self) -> &[Vec<f64>] {
-        &self.z
+    /// p = z - u, one vector a term.
+    pub fn p(&self) -> &[Vec<f64>] {
+        &self.p
     }
 
     /// Scaled duals, one vector a term.
@@ -108,22 +100,24 @@ impl Method for Admm {
     }
 
     fn step(&mut self) -> Result<StepReport, SystemError> {
-        self.energy = None;
         self.evaluation = None;
-        let local = self.local_step(); // W(10b), W(10c)
-        let mut objective = Objective { problem: &mut self.problem, z: &self.z, u: &self.u };
-        let change = local.lagrangian_change().abs();
-        let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, change)?; // W(10a)
+        let local = self.problem.local_step(&self.x, &mut self.p, &mut self.u, &mut self.grad); // W(10b), W(10c)
+        let mut objective = Objective {
+            problem: &mut self.problem,
+            p: &self.p,
+            value: local.objective,
+            local_change: local.lagrangian_change().abs(),
+        };
+        let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, &mut self.grad)?; // W(10a)
+        self.energy = global.energy;
+        self.moved2 = local.moved2;
         let refactorised = self.reweight()?;
         self.iteration += 1;
-        let relative = |part2: f64| (part2 / global.penalty.size2.max(f64::MIN_POSITIVE)).sqrt();
         Ok(StepReport {
             iteration: self.iteration,
             inner: global.inner,
             refactorised,
             accepted: true,
-            primal_residual: relative(global.penalty.gap2),
-            dual_residual: relative(local.moved2),
             energy_z: local.value_after,
             local,
         })
@@ -147,5 +141,14 @@ impl Method for Admm {
             self.energy = Some(energy);
             Evaluation { energy, gradient_norm: vector::norm(&self.grad) }
         })
+    }
+
+    fn residuals(&mut self) -> Residuals {
+        let mut residual = Residual::default();
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
+            residual += term.residual(&self.x, p, u);
+        }
+        let relative = |part2: f64| (part2 / residual.size2.max(f64::MIN_POSITIVE)).sqrt();
+        Residuals { primal: relative(residual.gap2), dual: relative(self.moved2) }
     }
 }

@@ -125,14 +125,22 @@ impl Lbfgs {
 }
 
 impl GlobalStep for Lbfgs {
-    fn run(&mut self, objective: &mut Objective<'_>, normal: &mut NormalMatrix, x: &mut [f64], local_change: f64) -> Result<GlobalReport, SystemError> {
-        let n = objective.problem.n_free * objective.problem.dim;
-        for v in [&mut self.g, &mut self.q, &mut self.g_new] {
+    fn run(
+        &mut self,
+        objective: &mut Objective<'_>,
+        normal: &mut NormalMatrix,
+        x: &mut [f64],
+        grad: &mut Vec<f64>,
+    ) -> Result<GlobalReport, SystemError> {
+        let n = grad.len();
+        std::mem::swap(&mut self.g, grad);
+        for v in [&mut self.q, &mut self.g_new, grad] {
             v.resize(n, 0.0);
         }
-        let mut report = GlobalReport { penalty: objective.here(x, &mut self.g), ..Default::default() };
+        let mut report = GlobalReport::default();
+        let mut value = objective.value;
         // Progress that rounding hides is no reason to go on.
-        let enough = self.settings.kappa * local_change.max(1e-15 * report.penalty.value.abs());
+        let enough = self.settings.kappa * objective.local_change.max(1e-15 * value.abs());
         while report.inner < self.settings.max_inner {
             let mut slope = self.direction(normal)?;
             report.solves += 1;
@@ -147,16 +155,18 @@ impl GlobalStep for Lbfgs {
             if stop_before || !(slope > 0.0 && slope.is_finite()) {
                 break;
             }
-            let before = report.penalty.value;
+            let before = value;
             let mut t = 1.0;
             vector::add_scaled(&mut x[..n], -t, &self.q);
-            report.penalty = objective.moved_to(x, &mut self.g_new);
-            while self.settings.line_search && !(report.penalty.value <= before - 1e-4 * t * slope) && t > 1e-10 {
+            let mut arrived = objective.at(x, &mut self.g_new);
+            while self.settings.line_search && !(arrived.value <= before - 1e-4 * t * slope) && t > 1e-10 {
                 vector::add_scaled(&mut x[..n], t / 2.0, &self.q);
                 t /= 2.0;
                 report.shortened += 1;
-                report.penalty = objective.moved_to(x, &mut self.g_new);
+                arrived = objective.at(x, &mut self.g_new);
             }
+            value = arrived.value;
+            report.energy = arrived.energy;
             report.inner += 1;
             self.remember(t);
             std::mem::swap(&mut self.g, &mut self.g_new);

@@ -13,10 +13,6 @@ pub struct StepReport {
     pub refactorised: bool,
     /// Whether the proposed iterate was taken.
     pub accepted: bool,
-    /// |W(c(Dx) - z)| / |W z|, A(27) in the scaled local space; infinite where the method has no z.
-    pub primal_residual: f64,
-    /// |W(z - z_before)| / |W z|; likewise.
-    pub dual_residual: f64,
     /// sum g(z), the energy of the local variable; infinite where the method has none.
     pub energy_z: f64,
     /// What the local step did.
@@ -30,6 +26,15 @@ pub struct Evaluation {
     pub energy: EnergyReport,
     /// Norm of the gradient over the free nodes.
     pub gradient_norm: f64,
+}
+
+/// How far the constraints of a splitting are from holding, A(27) in the scaled local space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residuals {
+    /// |W(c(Dx) - z)| / |W z|; infinite where the method has no z.
+    pub primal: f64,
+    /// |W(z - z_before)| / |W z|; infinite before the first iteration too.
+    pub dual: f64,
 }
 
 /// An algorithm in motion. It never stops by itself: [`crate::run`] asks its [`crate::Stop`]s.
@@ -54,4 +59,9 @@ pub trait Method: Send {
 
     /// Objective and gradient at x. Worked out once for an x.
     fn evaluate(&mut self) -> Evaluation;
+
+    /// How far the constraints are from holding; worked out when asked for.
+    fn residuals(&mut self) -> Residuals {
+        Residuals { primal: f64::INFINITY, dual: f64::INFINITY }
+    }
 }

@@ -1,6 +1,6 @@
 //! The problem: terms, a quadratic, a start.
 
-use crate::{EnergyReport, PenaltyReport, Term, vector};
+use crate::{EnergyReport, LocalReport, PenaltyReport, Term, vector};
 
 /// f(x) = sum_j k_j/2 |x_j - t_j|^2 - sum_i b_i . x_i + constant: soft springs to targets, and loads.
 #[derive(Clone, Debug, Default)]
@@ -131,13 +131,6 @@ impl Problem {
         self.x0.len() / self.dim
     }
 
-    /// Tells every term that x has changed.
-    pub fn moved(&mut self) {
-        for term in &mut self.terms {
-            term.moved();
-        }
-    }
-
     /// The objective at x, and how far the elements are deformed; `grad`, n_free * dim long, is overwritten.
     pub fn energy(&mut self, x: &[f64], mut grad: Option<&mut [f64]>) -> EnergyReport {
         if let Some(grad) = grad.as_deref_mut() {
@@ -151,14 +144,30 @@ impl Problem {
         report
     }
 
-    /// f(x) + 1/2 sum w^2 |c(Dx) - z + u|^2, the objective of the global step W(11); `grad` is overwritten.
-    pub fn penalty(&mut self, x: &[f64], z: &[Vec<f64>], u: &[Vec<f64>], grad: &mut [f64]) -> PenaltyReport {
+    /// f(x) + 1/2 sum w^2 |c(Dx) - p|^2, the objective of the global step W(11); `grad` is overwritten.
+    pub fn penalty(&mut self, x: &[f64], p: &[Vec<f64>], grad: &mut [f64]) -> PenaltyReport {
         grad.fill(0.0);
         let mut report = PenaltyReport::default();
-        for ((term, z), u) in self.terms.iter_mut().zip(z).zip(u) {
-            report += term.penalty(x, z, u, grad);
+        for (term, p) in self.terms.iter_mut().zip(p) {
+            report += term.penalty(x, p, grad);
         }
-        report.value += self.quadratic.value_and_gradient(x, self.dim, Some(grad));
+        let f = self.quadratic.value_and_gradient(x, self.dim, Some(grad));
+        report.value += f;
+        if let Some(energy) = &mut report.energy {
+            energy.value += f;
+        }
+        report
+    }
+
+    /// The local step of every term, W(10b) and W(10c); `grad` is overwritten with the gradient of the objective of the
+    /// global step where it begins.
+    pub fn local_step(&mut self, x: &[f64], p: &mut [Vec<f64>], u: &mut [Vec<f64>], grad: &mut [f64]) -> LocalReport {
+        grad.fill(0.0);
+        let mut report = LocalReport::default();
+        for ((term, p), u) in self.terms.iter_mut().zip(p).zip(u) {
+            report += term.local_step(x, p, u, grad);
+        }
+        report.objective += self.quadratic.value_and_gradient(x, self.dim, Some(grad));
         report
     }
 

@@ -178,7 +178,7 @@ impl Best {
 
 /// Iterates until a stop speaks. Stops are asked in their order, so put convergence first.
 pub fn run(method: &mut dyn Method, stops: &mut [&mut dyn Stop], observer: &mut dyn Observer) -> Outcome {
-    let mut report = StepReport { accepted: true, primal_residual: f64::INFINITY, dual_residual: f64::INFINITY, energy_z: f64::INFINITY, ..Default::default() };
+    let mut report = StepReport { accepted: true, energy_z: f64::INFINITY, ..Default::default() };
     let mut best = Best { x: method.x().to_vec(), energy: method.energy(), iteration: 0 };
     let (mut inner, mut refactorisations, mut accepted, mut rejected) = (0, 0, 0, 0);
     let verdict = loop {

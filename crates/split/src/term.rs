@@ -13,6 +13,8 @@ pub struct LocalReport {
     pub penalty_before: f64,
     /// The same after the step, u not yet updated.
     pub penalty_after: f64,
+    /// 1/2 sum w^2 |c(Dx) - p|^2 with the new p = z - u: the objective of the global step where it begins.
+    pub objective: f64,
     /// sum w^2 |z - z_before|^2, the square of the dual residual in local space.
     pub moved2: f64,
     /// Elements whose prox missed its tolerance.
@@ -32,6 +34,7 @@ impl std::ops::AddAssign for LocalReport {
         self.value_after += o.value_after;
         self.penalty_before += o.penalty_before;
         self.penalty_after += o.penalty_after;
+        self.objective += o.objective;
         self.moved2 += o.moved2;
         self.missed += o.missed;
     }
@@ -65,20 +68,45 @@ impl std::ops::AddAssign for EnergyReport {
     }
 }
 
-/// The penalty 1/2 sum w^2 |c(Dx) - p|^2, p = z - u, at a point.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// The penalty 1/2 sum w^2 |c(Dx) - p|^2 at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PenaltyReport {
     /// Its value.
     pub value: f64,
-    /// sum w^2 |c(Dx) - z|^2, the square of the primal residual.
-    pub gap2: f64,
-    /// sum w^2 |z|^2, what the residuals are measured against.
-    pub size2: f64,
+    /// sum g(c(Dx)), where the coupling gives it for next to nothing.
+    pub energy: Option<EnergyReport>,
+}
+
+impl Default for PenaltyReport {
+    fn default() -> Self {
+        PenaltyReport { value: 0.0, energy: Some(EnergyReport::default()) }
+    }
 }
 
 impl std::ops::AddAssign for PenaltyReport {
     fn add_assign(&mut self, o: Self) {
         self.value += o.value;
+        self.energy = match (self.energy, o.energy) {
+            (Some(mut a), Some(b)) => {
+                a += b;
+                Some(a)
+            }
+            _ => None,
+        };
+    }
+}
+
+/// How far the constraints are from holding.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Residual {
+    /// sum w^2 |c(Dx) - z|^2, the square of the primal residual.
+    pub gap2: f64,
+    /// sum w^2 |z|^2, what residuals are measured against.
+    pub size2: f64,
+}
+
+impl std::ops::AddAssign for Residual {
+    fn add_assign(&mut self, o: Self) {
         self.gap2 += o.gap2;
         self.size2 += o.size2;
     }
@@ -87,31 +115,31 @@ impl std::ops::AddAssign for PenaltyReport {
 /// A batch of like elements: one virtual call a batch and step, everything static inside.
 ///
 /// Positions x are flat, `dim` numbers a node. The first `n_free` nodes are unknowns, the others fixed; gradients have
-/// `n_free * dim` entries and are added to. Local vectors z and u have [`Term::local_len`] entries, laid out as the term
+/// `dim` numbers a node, of the free ones or of all, and are added to. The state of a batch is the scaled dual u and
+/// p = z - u, what the global step aims at; z = p + u. Local vectors have [`Term::local_len`] entries, laid out as the term
 /// likes, such that the Euclidean norm of an element's part is the norm of the splitting (Frobenius).
-///
-/// What a term derives from x (decompositions) it may keep until [`Term::moved`] is called.
 pub trait Term: Send + Sync {
     /// Number of elements.
     fn n_elems(&self) -> usize;
 
-    /// Length of this term's part of z and of u.
+    /// Length of this term's part of p and of u.
     fn local_len(&self) -> usize;
 
-    /// x has changed: whatever was derived from it is stale.
-    fn moved(&mut self);
+    /// out <- c(Dx).
+    fn couple(&mut self, x: &[f64], out: &mut [f64]);
 
-    /// z <- c(Dx).
-    fn couple(&mut self, x: &[f64], z: &mut [f64]);
+    /// z <- prox(c(Dx) + u), W(10b); u <- u + c(Dx) - z, W(10c); p <- z - u. The gradient of the penalty at x with the new
+    /// p, where the global step begins, is added to `grad`: everything that it needs is at hand.
+    fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport;
 
-    /// z <- prox(c(Dx) + u), W(10b); then u <- u + c(Dx) - z, W(10c). z comes in warm.
-    fn local_step(&mut self, x: &[f64], z: &mut [f64], u: &mut [f64]) -> LocalReport;
-
-    /// 1/2 sum w^2 |c(Dx) - z + u|^2, its gradient W(12) added to `grad`.
-    fn penalty(&mut self, x: &[f64], z: &[f64], u: &[f64], grad: &mut [f64]) -> PenaltyReport;
+    /// 1/2 sum w^2 |c(Dx) - p|^2, its gradient W(12) added to `grad`.
+    fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport;
 
     /// sum g(c(Dx)), its gradient added to `grad` where one is wanted.
     fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport;
+
+    /// How far c(Dx) is from z = p + u.
+    fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual;
 
     /// Calls `visit` with the nodes of each element.
     fn for_each_element(&self, visit: &mut dyn FnMut(&[u32]));
@@ -127,6 +155,6 @@ pub trait Term: Send + Sync {
     /// the largest ratio max(w_cand^2/w^2, w^2/w_cand^2), W(23).
     fn propose_weights(&mut self, range: (f64, f64)) -> f64;
 
-    /// Takes the candidate weights and scales u by w^2/w_cand^2, so that w^2 u, the force, stays.
-    fn take_weights(&mut self, u: &mut [f64]);
+    /// Takes the candidate weights and scales u by w^2/w_cand^2, so that w^2 u, the force, stays; z stays, p follows.
+    fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]);
 }

@@ -8,20 +8,23 @@ use proxel_linalg::simd::{F8, Isa, Real};
 pub trait Coupling<const D: usize, const K: usize>: Send + Sync + 'static {
     /// Numbers an element in a local vector.
     const LOCAL: usize;
-    /// Numbers an element kept of the decomposition of F; 0 where the coupling needs none.
-    const SAVED: usize;
     /// Whether a local value is symmetric, so that its frame is one rotation.
     const SYMMETRIC: bool;
-    /// What is known of F where a block is visited.
+    /// Whether the decomposition of F is known wherever an element is visited.
+    const DECOMPOSES: bool;
+    /// What is known of F where an element is visited.
     type At<T: Real>: Copy;
     /// An element's part of a local vector.
     type Local<T: Real>: Copy;
 
-    /// From F, kept in `saved`.
-    fn arrive<I: Isa>(f: [[F8<I>; K]; D], saved: &mut [f64]) -> Self::At<F8<I>>;
+    /// From F.
+    fn visit<T: Real>(f: [[T; K]; D]) -> Self::At<T>;
 
-    /// From what was kept, where [`Coupling::SAVED`] is not 0.
-    fn again<I: Isa>(f: [[F8<I>; K]; D], saved: &[f64]) -> Self::At<F8<I>>;
+    /// To a block of scratch with `(D + 1 + K) K` components.
+    fn keep<I: Isa>(at: &Self::At<F8<I>>, to: &mut [f64]);
+
+    /// From there.
+    fn kept<I: Isa>(from: &[f64]) -> Self::At<F8<I>>;
 
     /// The decomposition of F.
     fn decomposed<T: Real>(at: &Self::At<T>) -> Decomposed<T, D, K>;
@@ -54,6 +57,45 @@ pub trait Coupling<const D: usize, const K: usize>: Send + Sync + 'static {
     fn store<I: Isa>(a: &Self::Local<F8<I>>, to: &mut [f64]);
 }
 
+/// The rows of a matrix, one component after another from `at` on.
+#[inline(always)]
+pub(super) fn store_rows<I: Isa, const R: usize, const C: usize>(a: &[[F8<I>; C]; R], to: &mut [f64], at: usize) {
+    for r in 0..R {
+        for c in 0..C {
+            a[r][c].store_at(to, at + r * C + c);
+        }
+    }
+}
+
+/// Back from there.
+#[inline(always)]
+pub(super) fn load_rows<I: Isa, const R: usize, const C: usize>(from: &[f64], at: usize) -> [[F8<I>; C]; R] {
+    let mut a = [[F8::zero(); C]; R];
+    for r in 0..R {
+        for c in 0..C {
+            a[r][c] = F8::load_at(from, at + r * C + c);
+        }
+    }
+    a
+}
+
+impl<I: Isa, const D: usize, const K: usize> Decomposed<F8<I>, D, K> {
+    /// Stretches, V, U: (1 + K + D) K components.
+    #[inline(always)]
+    pub(super) fn keep(&self, to: &mut [f64]) {
+        store_rows(&[self.s], to, 0);
+        store_rows(&self.v, to, K);
+        store_rows(&self.u, to, K + K * K);
+    }
+
+    /// Back from there.
+    #[inline(always)]
+    pub(super) fn kept(from: &[f64]) -> Self {
+        let [s] = load_rows(from, 0);
+        Decomposed { s, v: load_rows(from, K), u: load_rows(from, K + K * K) }
+    }
+}
+
 /// c(F) = F: ADMM-PD and W-ADMM.
 pub struct Linear;
 
@@ -77,18 +119,22 @@ where
     Simplex: Shape<D, K>,
 {
     const LOCAL: usize = D * K;
-    const SAVED: usize = 0;
     const SYMMETRIC: bool = false;
+    const DECOMPOSES: bool = false;
     type At<T: Real> = [[T; K]; D];
     type Local<T: Real> = [[T; K]; D];
 
     #[inline(always)]
-    fn arrive<I: Isa>(f: [[F8<I>; K]; D], _: &mut [f64]) -> [[F8<I>; K]; D] {
+    fn visit<T: Real>(f: [[T; K]; D]) -> [[T; K]; D] {
         f
     }
     #[inline(always)]
-    fn again<I: Isa>(f: [[F8<I>; K]; D], _: &[f64]) -> [[F8<I>; K]; D] {
-        f
+    fn keep<I: Isa>(at: &[[F8<I>; K]; D], to: &mut [f64]) {
+        store_rows(at, to, 0);
+    }
+    #[inline(always)]
+    fn kept<I: Isa>(from: &[f64]) -> [[F8<I>; K]; D] {
+        load_rows(from, 0)
     }
     #[inline(always)]
     fn decomposed<T: Real>(at: &[[T; K]; D]) -> Decomposed<T, D, K> {
@@ -124,21 +170,11 @@ where
     }
     #[inline(always)]
     fn load<I: Isa>(from: &[f64]) -> [[F8<I>; K]; D] {
-        let mut a = [[F8::zero(); K]; D];
-        for r in 0..D {
-            for c in 0..K {
-                a[r][c] = F8::load_at(from, r * K + c);
-            }
-        }
-        a
+        load_rows(from, 0)
     }
     #[inline(always)]
     fn store<I: Isa>(a: &[[F8<I>; K]; D], to: &mut [f64]) {
-        for r in 0..D {
-            for c in 0..K {
-                a[r][c].store_at(to, r * K + c);
-            }
-        }
+        store_rows(a, to, 0);
     }
 }
 
@@ -150,20 +186,22 @@ where
     Simplex: Shape<D, K>,
 {
     const LOCAL: usize = K * (K + 1) / 2;
-    const SAVED: usize = <Simplex as Shape<D, K>>::SAVED;
     const SYMMETRIC: bool = true;
+    const DECOMPOSES: bool = true;
     type At<T: Real> = Decomposed<T, D, K>;
     type Local<T: Real> = [[T; K]; K];
 
     #[inline(always)]
-    fn arrive<I: Isa>(f: [[F8<I>; K]; D], saved: &mut [f64]) -> Decomposed<F8<I>, D, K> {
-        let d = Simplex::svd(f);
-        Simplex::save(&d, saved);
-        d
+    fn visit<T: Real>(f: [[T; K]; D]) -> Decomposed<T, D, K> {
+        Simplex::svd(f)
     }
     #[inline(always)]
-    fn again<I: Isa>(_: [[F8<I>; K]; D], saved: &[f64]) -> Decomposed<F8<I>, D, K> {
-        Simplex::load(saved)
+    fn keep<I: Isa>(at: &Decomposed<F8<I>, D, K>, to: &mut [f64]) {
+        at.keep(to);
+    }
+    #[inline(always)]
+    fn kept<I: Isa>(from: &[f64]) -> Decomposed<F8<I>, D, K> {
+        Decomposed::kept(from)
     }
     #[inline(always)]
     fn decomposed<T: Real>(at: &Decomposed<T, D, K>) -> Decomposed<T, D, K> {

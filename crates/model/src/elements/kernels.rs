@@ -5,20 +5,29 @@ use super::matrix::compose;
 use super::passes::{Chunk, GROUP, Shared};
 use super::shape::{Decomposed, Shape, Simplex, block, block_mut};
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real};
-use proxel_split::{EnergyReport, LocalReport, PenaltyReport};
+use proxel_split::{EnergyReport, LocalReport, PenaltyReport, Residual};
 use std::marker::PhantomData;
 use std::ops::Range;
 
-/// Scratch of a group: stretches, their signs, and the frames U and V.
+/// Room for one kept decomposition an element, whatever its shape.
+const KEPT: usize = 21;
+
+/// Scratch of a group.
 pub(super) struct Scratch {
     pub stretches: [f64; GROUP * LANES * 3],
-    pub signs: [f64; GROUP * LANES * 3],
-    pub frames: [f64; GROUP * LANES * 18],
+    signs: [f64; GROUP * LANES * 3],
+    at: [f64; GROUP * LANES * KEPT],    // what is known of F
+    frame: [f64; GROUP * LANES * KEPT], // of v = c(Dx) + u
 }
 
 impl Scratch {
     pub fn new() -> Self {
-        Scratch { stretches: [0.0; GROUP * LANES * 3], signs: [1.0; GROUP * LANES * 3], frames: [0.0; GROUP * LANES * 18] }
+        Scratch {
+            stretches: [0.0; GROUP * LANES * 3],
+            signs: [1.0; GROUP * LANES * 3],
+            at: [0.0; GROUP * LANES * KEPT],
+            frame: [0.0; GROUP * LANES * KEPT],
+        }
     }
 }
 
@@ -94,28 +103,19 @@ fn add_forces<I: Isa, const D: usize, const K: usize>(
     }
 }
 
-/// What is known of F at a block.
+/// What is known of F at block b of a chunk.
 #[inline(always)]
-fn visit<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(
-    fresh: bool,
-    near: &[f64],
-    local: &[u16],
-    inverse: &[f64],
-    saved: &mut [f64],
-) -> C::At<F8<I>> {
-    if fresh {
-        return C::again([[F8::zero(); K]; D], saved);
-    }
-    C::arrive(deformation_gradient(near, local, inverse), saved)
+fn visit<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(shared: &Shared<'_, K>, chunk: &Chunk<'_>, b: usize) -> C::At<F8<I>> {
+    let inverse = block(shared.inverse, chunk.global(b), K * K);
+    C::visit(deformation_gradient(chunk.near(), chunk.local(b), inverse))
 }
 
-/// z <- c(Dx) over the blocks of a group.
+/// out <- c(Dx) over the blocks of a group.
 pub(super) struct Couple<'a, C, const D: usize, const K: usize> {
     pub shared: &'a Shared<'a, K>,
     pub chunk: &'a Chunk<'a>,
     pub group: Range<usize>,
-    pub saved: &'a mut [f64],
-    pub z: &'a mut [f64], // empty: only the decompositions are wanted
+    pub out: &'a mut [f64],
     pub coupling: PhantomData<C>,
 }
 
@@ -127,23 +127,18 @@ where
     #[inline(always)]
     fn run<I: Isa>(self) {
         for b in self.group {
-            let inverse = block(self.shared.inverse, self.chunk.global(b), K * K);
-            let saved = block_mut(self.saved, b, C::SAVED);
-            let at = visit::<I, C, D, K>(self.shared.fresh, self.chunk.near(), self.chunk.local(b), inverse, saved);
-            if !self.z.is_empty() {
-                C::store(&C::couple(&at), block_mut(self.z, b, C::LOCAL));
-            }
+            let at = visit::<I, C, D, K>(self.shared, self.chunk, b);
+            C::store(&C::couple(&at), block_mut(self.out, b, C::LOCAL));
         }
     }
 }
 
-/// The first half of the local step: v = c(Dx) + u, left in u, and its stretches and frames.
+/// The first half of the local step: v = c(Dx) + u, left in u; z before the step, left in p; the stretches and frames of v.
 pub(super) struct LocalIn<'a, C, const D: usize, const K: usize> {
     pub shared: &'a Shared<'a, K>,
     pub chunk: &'a Chunk<'a>,
     pub group: Range<usize>,
-    pub saved: &'a mut [f64],
-    pub z: &'a [f64],
+    pub p: &'a mut [f64],
     pub u: &'a mut [f64],
     pub scratch: &'a mut Scratch,
     pub coupling: PhantomData<C>,
@@ -159,20 +154,17 @@ where
         let s = self.shared;
         let mut penalty = F8::<I>::zero();
         for (place, b) in self.group.enumerate() {
-            let global = self.chunk.global(b);
-            let inverse = block(s.inverse, global, K * K);
-            let at = if C::SAVED > 0 {
-                C::again([[F8::<I>::zero(); K]; D], block(self.saved, b, C::SAVED))
-            } else {
-                let f = deformation_gradient(self.chunk.near(), self.chunk.local(b), inverse);
-                C::arrive(f, &mut [])
-            };
-            let u_at = block_mut(self.u, b, C::LOCAL);
-            let v = C::add(&C::couple(&at), &C::load::<I>(u_at));
+            let at = visit::<I, C, D, K>(s, self.chunk, b);
+            C::keep(&at, block_mut(&mut self.scratch.at, place, KEPT));
+            let (p_at, u_at) = (block_mut(self.p, b, C::LOCAL), block_mut(self.u, b, C::LOCAL));
+            let (p, u) = (C::load::<I>(p_at), C::load::<I>(u_at));
+            let c = C::couple(&at);
+            let v = C::add(&c, &u);
             C::store(&v, u_at);
-            let gap = C::norm2(&C::subtract(&v, &C::load::<I>(block(self.z, b, C::LOCAL))));
-            penalty = gap.mul_add(F8::load_at(s.weight2, global) * 0.5, penalty);
-            let mut frame = C::frame(&v);
+            C::store(&C::add(&p, &u), p_at);
+            // c + u - z = c - p
+            penalty = C::norm2(&C::subtract(&c, &p)).mul_add(F8::load_at(s.weight2, self.chunk.global(b)) * 0.5, penalty);
+            let mut frame: Decomposed<F8<I>, D, K> = C::frame(&v);
             if s.singular_values {
                 let signs = singular_signs(&frame.s);
                 for i in 0..K {
@@ -180,7 +172,10 @@ where
                     signs[i].store_at(&mut self.scratch.signs, place * K + i);
                 }
             }
-            store_frame::<I, C, D, K>(&frame, self.scratch, place);
+            for i in 0..K {
+                frame.s[i].store_at(&mut self.scratch.stretches, place * K + i);
+            }
+            frame.keep(block_mut(&mut self.scratch.frame, place, KEPT));
         }
         LocalReport { penalty_before: penalty.sum(), ..Default::default() }
     }
@@ -192,9 +187,9 @@ where
 fn singular_signs<T: Real, const K: usize>(l: &[T; K]) -> [T; K] {
     let one = T::one();
     let (mut determinant, mut least) = (one, l[0].abs());
-    for l in l {
-        determinant = determinant * one.copysign(*l);
-        least = least.min(l.abs());
+    for i in 0..K {
+        determinant = determinant * one.copysign(l[i]);
+        least = least.min(l[i].abs());
     }
     let mut open = one; // 1 until the smallest has been met
     let mut signs = [one; K];
@@ -206,67 +201,15 @@ fn singular_signs<T: Real, const K: usize>(l: &[T; K]) -> [T; K] {
     signs
 }
 
-#[inline(always)]
-fn store_frame<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(
-    frame: &Decomposed<F8<I>, D, K>,
-    scratch: &mut Scratch,
-    place: usize,
-) {
-    for i in 0..K {
-        frame.s[i].store_at(&mut scratch.stretches, place * K + i);
-    }
-    store_rotations(frame, scratch, place, C::SYMMETRIC);
-}
-
-#[inline(always)]
-fn store_rotations<I: Isa, const D: usize, const K: usize>(
-    frame: &Decomposed<F8<I>, D, K>,
-    scratch: &mut Scratch,
-    place: usize,
-    only_v: bool,
-) {
-    let to = block_mut(&mut scratch.frames, place, (D + K) * K);
-    for r in 0..K {
-        for c in 0..K {
-            frame.v[r][c].store_at(to, r * K + c);
-        }
-    }
-    if !only_v {
-        for r in 0..D {
-            for c in 0..K {
-                frame.u[r][c].store_at(to, (K + r) * K + c);
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn load_frame<I: Isa, const D: usize, const K: usize>(scratch: &Scratch, place: usize, only_v: bool) -> Decomposed<F8<I>, D, K> {
-    let from = block(&scratch.frames, place, (D + K) * K);
-    let mut frame = Decomposed { u: [[F8::zero(); K]; D], s: [F8::zero(); K], v: [[F8::zero(); K]; K] };
-    for r in 0..K {
-        frame.s[r] = F8::load_at(&scratch.stretches, place * K + r);
-        for c in 0..K {
-            frame.v[r][c] = F8::load_at(from, r * K + c);
-        }
-    }
-    if !only_v {
-        for r in 0..D {
-            for c in 0..K {
-                frame.u[r][c] = F8::load_at(from, (K + r) * K + c);
-            }
-        }
-    }
-    frame
-}
-
-/// The second half of the local step: z from its stretches and frames, u = v - z.
+/// The second half of the local step: z from its stretches and the frames of v, u = v - z, p = z - u, and the gradient of
+/// the penalty.
 pub(super) struct LocalOut<'a, C, const D: usize, const K: usize> {
     pub shared: &'a Shared<'a, K>,
     pub chunk: &'a Chunk<'a>,
     pub group: Range<usize>,
-    pub z: &'a mut [f64],
+    pub p: &'a mut [f64], // z before the step comes in
     pub u: &'a mut [f64], // v comes in
+    pub partials: &'a mut [f64],
     pub scratch: &'a Scratch,
     pub coupling: PhantomData<C>,
 }
@@ -278,32 +221,46 @@ where
     type Output = LocalReport;
     #[inline(always)]
     fn run<I: Isa>(self) -> LocalReport {
-        let (mut penalty, mut moved2) = (F8::<I>::zero(), F8::<I>::zero());
+        let s = self.shared;
+        let zero = F8::<I>::zero();
+        let (mut penalty, mut objective, mut moved2) = (zero, zero, zero);
         for (place, b) in self.group.enumerate() {
-            let weight2 = F8::<I>::load_at(self.shared.weight2, self.chunk.global(b));
-            let mut frame = load_frame::<I, D, K>(self.scratch, place, C::SYMMETRIC);
+            let global = self.chunk.global(b);
+            let weight2 = F8::<I>::load_at(s.weight2, global);
+            let mut frame = Decomposed::<F8<I>, D, K>::kept(block(&self.scratch.frame, place, KEPT));
             for i in 0..K {
+                frame.s[i] = F8::load_at(&self.scratch.stretches, place * K + i);
                 frame.s[i] = frame.s[i] * F8::load_at(&self.scratch.signs, place * K + i);
             }
             let z = C::in_frame(&frame);
-            let (z_at, u_at) = (block_mut(self.z, b, C::LOCAL), block_mut(self.u, b, C::LOCAL));
+            let (p_at, u_at) = (block_mut(self.p, b, C::LOCAL), block_mut(self.u, b, C::LOCAL));
             let u = C::subtract(&C::load::<I>(u_at), &z);
-            moved2 = C::norm2(&C::subtract(&z, &C::load::<I>(z_at))).mul_add(weight2, moved2);
+            let p = C::subtract(&z, &u);
+            moved2 = C::norm2(&C::subtract(&z, &C::load::<I>(p_at))).mul_add(weight2, moved2);
             penalty = C::norm2(&u).mul_add(weight2 * 0.5, penalty);
-            C::store(&z, z_at);
+            C::store(&p, p_at);
             C::store(&u, u_at);
+            let at = C::kept::<I>(block(&self.scratch.at, place, KEPT));
+            objective = C::norm2(&C::subtract(&C::couple(&at), &p)).mul_add(weight2 * 0.5, objective);
+            let inverse = block(s.inverse, global, K * K);
+            add_forces(&C::penalty_gradient(&at, &p), weight2, inverse, self.chunk.local(b), self.partials);
         }
-        LocalReport { penalty_after: penalty.sum(), moved2: moved2.sum(), ..Default::default() }
+        LocalReport {
+            penalty_after: penalty.sum(),
+            objective: objective.sum(),
+            moved2: moved2.sum(),
+            ..Default::default()
+        }
     }
 }
 
-/// 1/2 sum w^2 |c(Dx) - z + u|^2 and its gradient, W(12)-(16).
+/// 1/2 sum w^2 |c(Dx) - p|^2 and its gradient, W(12)-(16); the stretches where the coupling knows them.
 pub(super) struct Penalty<'a, C, const D: usize, const K: usize> {
     pub shared: &'a Shared<'a, K>,
     pub chunk: &'a Chunk<'a>,
     pub group: Range<usize>,
-    pub saved: &'a mut [f64],
     pub partials: &'a mut [f64],
+    pub scratch: &'a mut Scratch,
     pub coupling: PhantomData<C>,
 }
 
@@ -315,33 +272,68 @@ where
     #[inline(always)]
     fn run<I: Isa>(self) -> PenaltyReport {
         let s = self.shared;
-        let zero = F8::<I>::zero();
-        let (mut value, mut gap2, mut size2) = (zero, zero, zero);
-        for b in self.group {
+        let mut value = F8::<I>::zero();
+        let mut range = Stretches::<I, D, K>::new();
+        for (place, b) in self.group.enumerate() {
             let global = self.chunk.global(b);
-            let inverse = block(s.inverse, global, K * K);
             let weight2 = F8::<I>::load_at(s.weight2, global);
-            let local = self.chunk.local(b);
-            let saved = block_mut(self.saved, b, C::SAVED);
-            let at = visit::<I, C, D, K>(s.fresh, self.chunk.near(), local, inverse, saved);
-            let z = C::load::<I>(block(s.z, global, C::LOCAL));
-            let p = C::subtract(&z, &C::load::<I>(block(s.u, global, C::LOCAL)));
-            let c = C::couple(&at);
-            value = C::norm2(&C::subtract(&c, &p)).mul_add(weight2 * 0.5, value);
-            gap2 = C::norm2(&C::subtract(&c, &z)).mul_add(weight2, gap2);
-            size2 = C::norm2(&z).mul_add(weight2, size2);
-            add_forces(&C::penalty_gradient(&at, &p), weight2, inverse, local, self.partials);
+            let at = visit::<I, C, D, K>(s, self.chunk, b);
+            let p = C::load::<I>(block(s.p, global, C::LOCAL));
+            value = C::norm2(&C::subtract(&C::couple(&at), &p)).mul_add(weight2 * 0.5, value);
+            let inverse = block(s.inverse, global, K * K);
+            add_forces(&C::penalty_gradient(&at, &p), weight2, inverse, self.chunk.local(b), self.partials);
+            if C::DECOMPOSES {
+                let d: Decomposed<F8<I>, D, K> = C::decomposed(&at);
+                range.add(&d.s, global, s.chunks.n_elems());
+                for i in 0..K {
+                    d.s[i].store_at(&mut self.scratch.stretches, place * K + i);
+                }
+            }
         }
-        PenaltyReport { value: value.sum(), gap2: gap2.sum(), size2: size2.sum() }
+        PenaltyReport { value: value.sum(), energy: C::DECOMPOSES.then(|| range.report()) }
     }
 }
 
-/// The first half of the energy: stretches, and frames where forces are wanted.
+/// The extent of the stretches seen so far.
+struct Stretches<I: Isa, const D: usize, const K: usize> {
+    low: F8<I>,
+    high: F8<I>,
+    inverted: u64,
+}
+
+impl<I: Isa, const D: usize, const K: usize> Stretches<I, D, K> {
+    #[inline(always)]
+    fn new() -> Self {
+        Stretches { low: F8::splat(f64::INFINITY), high: F8::splat(f64::NEG_INFINITY), inverted: 0 }
+    }
+
+    /// Of block `global` of `n_elems` elements; padding lanes repeat an element and are not counted.
+    #[inline(always)]
+    fn add(&mut self, s: &[F8<I>; K], global: usize, n_elems: usize) {
+        self.low = self.low.min(s[K - 1]);
+        self.high = self.high.max(s[0]);
+        if D == K {
+            let used = (n_elems - global * LANES).min(LANES) as u32;
+            self.inverted += u64::from((s[K - 1].le(F8::zero()).bits() & ((1u16 << used) - 1) as u8).count_ones());
+        }
+    }
+
+    #[inline(always)]
+    fn report(&self) -> EnergyReport {
+        EnergyReport {
+            value: 0.0,
+            inverted: self.inverted,
+            min_stretch: self.low.min_lane(),
+            max_stretch: self.high.max_lane(),
+        }
+    }
+}
+
+/// The first half of the energy: stretches, and decompositions where forces are wanted.
 pub(super) struct EnergyIn<'a, C, const D: usize, const K: usize> {
     pub shared: &'a Shared<'a, K>,
     pub chunk: &'a Chunk<'a>,
     pub group: Range<usize>,
-    pub saved: &'a [f64],
     pub frames: bool,
     pub scratch: &'a mut Scratch,
     pub coupling: PhantomData<C>,
@@ -354,31 +346,18 @@ where
     type Output = EnergyReport;
     #[inline(always)]
     fn run<I: Isa>(self) -> EnergyReport {
-        let s = self.shared;
-        let (mut low, mut high) = (F8::<I>::splat(f64::INFINITY), F8::<I>::splat(f64::NEG_INFINITY));
-        let mut inverted = 0;
+        let mut range = Stretches::<I, D, K>::new();
         for (place, b) in self.group.enumerate() {
-            let global = self.chunk.global(b);
-            let d: Decomposed<F8<I>, D, K> = if C::SAVED > 0 {
-                C::decomposed(&C::again([[F8::zero(); K]; D], block(self.saved, b, C::SAVED)))
-            } else {
-                let inverse = block(s.inverse, global, K * K);
-                Simplex::svd(deformation_gradient(self.chunk.near(), self.chunk.local(b), inverse))
-            };
-            low = low.min(d.s[K - 1]);
-            high = high.max(d.s[0]);
-            if D == K {
-                let used = (s.chunks.n_elems() - global * LANES).min(LANES) as u32;
-                inverted += u64::from((d.s[K - 1].le(F8::zero()).bits() & ((1u16 << used) - 1) as u8).count_ones());
-            }
+            let d: Decomposed<F8<I>, D, K> = C::decomposed(&visit::<I, C, D, K>(self.shared, self.chunk, b));
+            range.add(&d.s, self.chunk.global(b), self.shared.chunks.n_elems());
             for i in 0..K {
                 d.s[i].store_at(&mut self.scratch.stretches, place * K + i);
             }
             if self.frames {
-                store_rotations(&d, self.scratch, place, false);
+                d.keep(block_mut(&mut self.scratch.at, place, KEPT));
             }
         }
-        EnergyReport { value: 0.0, inverted, min_stretch: low.min_lane(), max_stretch: high.max_lane() }
+        range.report()
     }
 }
 
@@ -397,10 +376,42 @@ impl<const D: usize, const K: usize> Kernel for EnergyOut<'_, D, K> {
     fn run<I: Isa>(self) {
         for (place, b) in self.group.enumerate() {
             let global = self.chunk.global(b);
-            let frame = load_frame::<I, D, K>(self.scratch, place, false);
-            let stress = compose(&frame.u, &frame.s, &frame.v);
+            let mut d = Decomposed::<F8<I>, D, K>::kept(block(&self.scratch.at, place, KEPT));
+            for i in 0..K {
+                d.s[i] = F8::load_at(&self.scratch.stretches, place * K + i);
+            }
+            let stress = compose(&d.u, &d.s, &d.v);
             let inverse = block(self.shared.inverse, global, K * K);
             add_forces(&stress, F8::load_at(self.shared.measure, global), inverse, self.chunk.local(b), self.partials);
         }
+    }
+}
+
+/// sum w^2 |c(Dx) - z|^2 and sum w^2 |z|^2.
+pub(super) struct Gap<'a, C, const D: usize, const K: usize> {
+    pub shared: &'a Shared<'a, K>,
+    pub chunk: &'a Chunk<'a>,
+    pub group: Range<usize>,
+    pub coupling: PhantomData<C>,
+}
+
+impl<C: Coupling<D, K>, const D: usize, const K: usize> Kernel for Gap<'_, C, D, K>
+where
+    Simplex: Shape<D, K>,
+{
+    type Output = Residual;
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Residual {
+        let s = self.shared;
+        let (mut gap2, mut size2) = (F8::<I>::zero(), F8::<I>::zero());
+        for b in self.group {
+            let global = self.chunk.global(b);
+            let weight2 = F8::<I>::load_at(s.weight2, global);
+            let c = C::couple(&visit::<I, C, D, K>(s, self.chunk, b));
+            let z = C::add(&C::load::<I>(block(s.p, global, C::LOCAL)), &C::load::<I>(block(s.u, global, C::LOCAL)));
+            gap2 = C::norm2(&C::subtract(&c, &z)).mul_add(weight2, gap2);
+            size2 = C::norm2(&z).mul_add(weight2, size2);
+        }
+        Residual { gap2: gap2.sum(), size2: size2.sum() }
     }
 }

@@ -18,11 +18,11 @@ pub use rest::{ElementError, Rest};
 pub use shape::{Decomposed, Shape, Simplex};
 
 use chunks::{BLOCKS, Chunks};
-use kernels::{Couple, EnergyIn, EnergyOut, LocalIn, LocalOut, Penalty, Scratch};
+use kernels::{Couple, EnergyIn, EnergyOut, Gap, LocalIn, LocalOut, Penalty, Scratch};
 use passes::{Chunk, Largest, Nothing, Piece, Shared, Sizes, over_chunks};
 use proxel_linalg::simd::{LANES, dispatch};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{EnergyReport, LocalReport, PenaltyReport, Term};
+use proxel_split::{EnergyReport, LocalReport, PenaltyReport, Residual, Term};
 use shape::block;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -43,8 +43,6 @@ pub struct Elements<const D: usize, const K: usize, C> {
     weight2: Vec<f64>, // [block][lane]: w^2
     proposed: Vec<f64>, // [block][lane]: candidate w^2, filled when first asked for
     warm: Vec<f64>,    // [block][K][lane]: stretches of z
-    saved: Vec<f64>,   // [block][SAVED][lane]: decompositions of F at x
-    fresh: bool,       // whether `saved` belongs to the current x
     near: Vec<f64>,    // chunk-local positions
     partials: Vec<f64>, // chunk-local sums of forces
     singular_values: bool, // see `with_singular_values`
@@ -82,8 +80,6 @@ where
             weight2,
             proposed: Vec::new(),
             warm: vec![1.0; n_blocks * K * LANES],
-            saved: vec![0.0; n_blocks * C::SAVED * LANES],
-            fresh: false,
             near: vec![0.0; slots],
             partials: vec![0.0; slots],
             chunks,
@@ -100,12 +96,12 @@ where
         self
     }
 
-    const SIZES: Sizes = Sizes { dim: D, saved: C::SAVED, stretches: K, local: C::LOCAL };
+    const SIZES: Sizes = Sizes { dim: D, stretches: K, local: C::LOCAL };
 }
 
 /// What the passes of a batch read.
 macro_rules! shared {
-    ($self:ident, x: $x:expr, z: $z:expr, u: $u:expr) => {
+    ($self:ident, x: $x:expr, p: $p:expr, u: $u:expr) => {
         Shared {
             chunks: &$self.chunks,
             energy: &*$self.energy,
@@ -113,9 +109,8 @@ macro_rules! shared {
             inverse: &$self.inverse,
             measure: &$self.measure,
             weight2: &$self.weight2,
-            z: $z,
+            p: $p,
             u: $u,
-            fresh: $self.fresh && C::SAVED > 0,
             singular_values: $self.singular_values,
         }
     };
@@ -126,40 +121,9 @@ fn of_group(group: &Range<usize>, size: usize) -> Range<usize> {
     group.start * size * LANES..group.end * size * LANES
 }
 
-impl<const D: usize, const K: usize, C: Coupling<D, K>> Elements<D, K, C>
-where
-    Simplex: Shape<D, K>,
-{
+impl<const D: usize, const K: usize, C> Elements<D, K, C> {
     fn all_chunks(&self) -> Range<usize> {
         0..self.chunks.n_blocks().div_ceil(BLOCKS)
-    }
-
-    /// Brings the decompositions up to x, where the coupling keeps them, and writes c(Dx) where `z` is not empty.
-    fn visit(&mut self, x: &[f64], z: &mut [f64]) {
-        let range = self.all_chunks();
-        let shared = shared!(self, x: x, z: &[], u: &[]);
-        let piece = Piece { saved: &mut self.saved, near: &mut self.near, z, ..Default::default() };
-        let Nothing = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
-            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
-            for group in chunk.groups() {
-                let (saved, z) = (&mut *piece.saved, &mut *piece.z);
-                dispatch(Couple::<C, D, K> { shared: &shared, chunk: &chunk, group, saved, z, coupling: PhantomData });
-            }
-            Nothing
-        });
-        self.fresh = true;
-    }
-
-    /// As [`Self::visit`], where it is needed.
-    fn refresh(&mut self, x: &[f64]) {
-        if C::SAVED > 0 && !self.fresh {
-            self.visit(x, &mut []);
-        }
-    }
-
-    /// Room for chunk-local positions, unless the coupling has all that is needed of them.
-    fn near(near: &mut [f64]) -> &mut [f64] {
-        if C::SAVED > 0 { &mut [] } else { near }
     }
 }
 
@@ -175,32 +139,35 @@ where
         self.chunks.n_blocks() * C::LOCAL * LANES
     }
 
-    fn moved(&mut self) {
-        self.fresh = false;
-    }
-
-    fn couple(&mut self, x: &[f64], z: &mut [f64]) {
-        self.visit(x, z);
-    }
-
-    fn local_step(&mut self, x: &[f64], z: &mut [f64], u: &mut [f64]) -> LocalReport {
-        self.refresh(x);
+    fn couple(&mut self, x: &[f64], out: &mut [f64]) {
         let range = self.all_chunks();
-        let shared = shared!(self, x: x, z: &[], u: &[]);
-        let near = Self::near(&mut self.near);
-        let piece = Piece { saved: &mut self.saved, near, warm: &mut self.warm, z, u, ..Default::default() };
-        over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+        let shared = shared!(self, x: x, p: &[], u: &[]);
+        let piece = Piece { near: &mut self.near, p: out, ..Default::default() };
+        let Nothing = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
             let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
+            for group in chunk.groups() {
+                dispatch(Couple::<C, D, K> { shared: &shared, chunk: &chunk, group, out: piece.p, coupling: PhantomData });
+            }
+            Nothing
+        });
+    }
+
+    fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
+        let range = self.all_chunks();
+        let shared = shared!(self, x: x, p: &[], u: &[]);
+        let piece = Piece { near: &mut self.near, partials: &mut self.partials, warm: &mut self.warm, p, u };
+        let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
+            let (p, u, partials) = (piece.p, piece.u, piece.partials);
+            partials.fill(0.0);
             let mut scratch = Scratch::new();
             let mut report = LocalReport::default();
             for group in chunk.groups() {
-                let (saved, z, u) = (&mut *piece.saved, &mut *piece.z, &mut *piece.u);
                 report += dispatch(LocalIn::<C, D, K> {
                     shared: &shared,
                     chunk: &chunk,
                     group: group.clone(),
-                    saved,
-                    z,
+                    p,
                     u,
                     scratch: &mut scratch,
                     coupling: PhantomData,
@@ -217,41 +184,57 @@ where
                 report.value_before += sums.value_before;
                 report.value_after += sums.value_after;
                 report.missed += sums.missed;
-                let scratch = &scratch;
-                report +=
-                    dispatch(LocalOut::<C, D, K> { shared: &shared, chunk: &chunk, group, z, u, scratch, coupling: PhantomData });
-            }
-            report
-        })
-    }
-
-    fn penalty(&mut self, x: &[f64], z: &[f64], u: &[f64], grad: &mut [f64]) -> PenaltyReport {
-        let range = self.all_chunks();
-        let shared = shared!(self, x: x, z: z, u: u);
-        let near = if shared.fresh { &mut [] } else { self.near.as_mut_slice() };
-        let piece = Piece { saved: &mut self.saved, near, partials: &mut self.partials, ..Default::default() };
-        let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
-            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
-            piece.partials.fill(0.0);
-            let mut report = PenaltyReport::default();
-            for group in chunk.groups() {
-                let (saved, partials) = (&mut *piece.saved, &mut *piece.partials);
-                report +=
-                    dispatch(Penalty::<C, D, K> { shared: &shared, chunk: &chunk, group, saved, partials, coupling: PhantomData });
+                report += dispatch(LocalOut::<C, D, K> {
+                    shared: &shared,
+                    chunk: &chunk,
+                    group,
+                    p,
+                    u,
+                    partials,
+                    scratch: &scratch,
+                    coupling: PhantomData,
+                });
             }
             report
         });
-        self.fresh = true;
+        self.chunks.add_partials::<D>(&self.partials, grad);
+        report
+    }
+
+    fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
+        let range = self.all_chunks();
+        let shared = shared!(self, x: x, p: p, u: &[]);
+        let piece = Piece { near: &mut self.near, partials: &mut self.partials, ..Default::default() };
+        let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
+            let partials = piece.partials;
+            partials.fill(0.0);
+            let mut scratch = Scratch::new();
+            let mut report = PenaltyReport::default();
+            for group in chunk.groups() {
+                let mut part = dispatch(Penalty::<C, D, K> {
+                    shared: &shared,
+                    chunk: &chunk,
+                    group: group.clone(),
+                    partials,
+                    scratch: &mut scratch,
+                    coupling: PhantomData,
+                });
+                if let Some(energy) = &mut part.energy {
+                    energy.value = value_of_group(&shared, &chunk, &group, &scratch);
+                }
+                report += part;
+            }
+            report
+        });
         self.chunks.add_partials::<D>(&self.partials, grad);
         report
     }
 
     fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport {
-        self.refresh(x);
         let range = self.all_chunks();
-        let shared = shared!(self, x: x, z: &[], u: &[]);
-        let near = Self::near(&mut self.near);
-        let mut piece = Piece { saved: &mut self.saved, near, ..Default::default() };
+        let shared = shared!(self, x: x, p: &[], u: &[]);
+        let mut piece = Piece { near: &mut self.near, ..Default::default() };
         if grad.is_some() {
             piece.partials = &mut self.partials;
         }
@@ -262,20 +245,18 @@ where
             let mut scratch = Scratch::new();
             let mut report = EnergyReport::default();
             for group in chunk.groups() {
-                report += dispatch(EnergyIn::<C, D, K> {
+                let mut part = dispatch(EnergyIn::<C, D, K> {
                     shared: &shared,
                     chunk: &chunk,
                     group: group.clone(),
-                    saved: piece.saved,
                     frames,
                     scratch: &mut scratch,
                     coupling: PhantomData,
                 });
-                let first = chunk.global(group.start) * LANES;
-                let stretches = &mut scratch.stretches[..group.len() * K * LANES];
-                report.value += shared.energy.value(stretches, &shared.measure[first..first + group.len() * LANES]);
+                part.value = value_of_group(&shared, &chunk, &group, &scratch);
+                report += part;
                 if frames {
-                    shared.energy.gradient(stretches);
+                    shared.energy.gradient(&mut scratch.stretches[..group.len() * K * LANES]);
                     let (partials, scratch) = (&mut *piece.partials, &scratch);
                     dispatch(EnergyOut::<D, K> { shared: &shared, chunk: &chunk, group, partials, scratch });
                 }
@@ -286,6 +267,20 @@ where
             self.chunks.add_partials::<D>(&self.partials, grad);
         }
         report
+    }
+
+    fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual {
+        let range = self.all_chunks();
+        let shared = shared!(self, x: x, p: p, u: u);
+        let piece = Piece { near: &mut self.near, ..Default::default() };
+        over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
+            let mut residual = Residual::default();
+            for group in chunk.groups() {
+                residual += dispatch(Gap::<C, D, K> { shared: &shared, chunk: &chunk, group, coupling: PhantomData });
+            }
+            residual
+        })
     }
 
     fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -337,14 +332,14 @@ where
         self.proposed.resize(self.measure.len(), 0.0);
         let (low, high) = (self.base * low, self.base * high);
         let range = self.all_chunks();
-        let shared = shared!(self, x: &[], z: &[], u: &[]);
-        let piece = Piece { warm: &mut self.warm, z: &mut self.proposed, ..Default::default() };
+        let shared = shared!(self, x: &[], p: &[], u: &[]);
+        let piece = Piece { warm: &mut self.warm, p: &mut self.proposed, ..Default::default() };
         let sizes = Sizes { local: 1, ..Self::SIZES };
         let Largest(ratio) = over_chunks(&self.chunks, piece, range, &sizes, &|c, piece| {
             let first = c * BLOCKS * LANES;
-            shared.energy.effective_stiffness(piece.warm, piece.z);
+            shared.energy.effective_stiffness(piece.warm, piece.p);
             let mut ratio = 1.0_f64;
-            for (at, candidate) in piece.z.iter_mut().enumerate() {
+            for (at, candidate) in piece.p.iter_mut().enumerate() {
                 let weight2 = shared.weight2[first + at];
                 *candidate = candidate.clamp(low, high) * shared.measure[first + at];
                 ratio = ratio.max(*candidate / weight2).max(weight2 / *candidate);
@@ -354,18 +349,27 @@ where
         ratio
     }
 
-    fn take_weights(&mut self, u: &mut [f64]) {
+    fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
         for b in 0..self.chunks.n_blocks() {
             for lane in 0..LANES {
                 let at = b * LANES + lane;
                 let scale = self.weight2[at] / self.proposed[at];
                 for c in 0..C::LOCAL {
-                    u[(b * C::LOCAL + c) * LANES + lane] *= scale;
+                    let i = (b * C::LOCAL + c) * LANES + lane;
+                    let z = p[i] + u[i];
+                    u[i] *= scale;
+                    p[i] = z - u[i];
                 }
             }
         }
         self.weight2.copy_from_slice(&self.proposed);
     }
+}
+
+/// sum V psi of the stretches in the scratch.
+fn value_of_group<const K: usize>(shared: &Shared<'_, K>, chunk: &Chunk<'_>, group: &Range<usize>, scratch: &Scratch) -> f64 {
+    let first = chunk.global(group.start) * LANES;
+    shared.energy.value(&scratch.stretches[..group.len() * K * LANES], &shared.measure[first..first + group.len() * LANES])
 }
 
 impl<const D: usize, const K: usize, C: Coupling<D, K>> Elements<D, K, C>

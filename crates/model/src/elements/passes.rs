@@ -5,7 +5,7 @@ use super::density::Density;
 use proxel_linalg::simd::LANES;
 
 /// Blocks that a pass handles at a time, on a scratch pad that stays in the first-level cache.
-pub(super) const GROUP: usize = 8;
+pub(super) const GROUP: usize = 4;
 
 /// What all passes read.
 pub(super) struct Shared<'a, const K: usize> {
@@ -15,27 +15,24 @@ pub(super) struct Shared<'a, const K: usize> {
     pub inverse: &'a [f64], // [block][K][K][lane]: inverse of the rest edges
     pub measure: &'a [f64], // [block][lane]: volume, area or length at rest
     pub weight2: &'a [f64], // [block][lane]: w^2
-    pub z: &'a [f64],       // where a pass only reads them
+    pub p: &'a [f64],       // where a pass only reads them
     pub u: &'a [f64],
-    pub fresh: bool,           // whether `saved` holds the decompositions at x
     pub singular_values: bool, // whether the prox takes signed singular values of a symmetric v
 }
 
 /// What a pass may write of a run of chunks; unused parts are empty.
 #[derive(Default)]
 pub(super) struct Piece<'a> {
-    pub saved: &'a mut [f64],
     pub near: &'a mut [f64],
     pub partials: &'a mut [f64],
     pub warm: &'a mut [f64],
-    pub z: &'a mut [f64],
+    pub p: &'a mut [f64],
     pub u: &'a mut [f64],
 }
 
 /// Numbers an element (of `near` and `partials`: a node) in each array.
 pub(super) struct Sizes {
     pub dim: usize,
-    pub saved: usize,
     pub stretches: usize,
     pub local: usize,
 }
@@ -51,15 +48,14 @@ impl<'a> Piece<'a> {
     fn cut(self, chunks: &Chunks, first: usize, at: usize, sizes: &Sizes) -> (Piece<'a>, Piece<'a>) {
         let elements = (at - first) * BLOCKS * LANES;
         let slots = (chunks.slots_of(at).start - chunks.slots_of(first).start) * sizes.dim;
-        let (saved0, saved1) = split(self.saved, elements * sizes.saved);
         let (near0, near1) = split(self.near, slots);
         let (partials0, partials1) = split(self.partials, slots);
         let (warm0, warm1) = split(self.warm, elements * sizes.stretches);
-        let (z0, z1) = split(self.z, elements * sizes.local);
+        let (p0, p1) = split(self.p, elements * sizes.local);
         let (u0, u1) = split(self.u, elements * sizes.local);
         (
-            Piece { saved: saved0, near: near0, partials: partials0, warm: warm0, z: z0, u: u0 },
-            Piece { saved: saved1, near: near1, partials: partials1, warm: warm1, z: z1, u: u1 },
+            Piece { near: near0, partials: partials0, warm: warm0, p: p0, u: u0 },
+            Piece { near: near1, partials: partials1, warm: warm1, p: p1, u: u1 },
         )
     }
 }
@@ -100,18 +96,15 @@ pub(super) struct Chunk<'a> {
 }
 
 impl<'a> Chunk<'a> {
-    /// Copies the positions of the chunk's nodes, `dim` numbers each, unless the pass runs on what is saved and gives no
-    /// room for them.
+    /// Copies the positions of the chunk's nodes, `dim` numbers each.
     pub fn new(chunks: &'a Chunks, index: usize, x: &[f64], dim: usize, near: &'a mut [f64]) -> Self {
-        if !near.is_empty() {
-            for (to, node) in near.chunks_exact_mut(dim).zip(chunks.nodes_of(index)) {
-                to.copy_from_slice(&x[*node as usize * dim..][..dim]);
-            }
+        for (to, node) in near.chunks_exact_mut(dim).zip(chunks.nodes_of(index)) {
+            to.copy_from_slice(&x[*node as usize * dim..][..dim]);
         }
         Chunk { index, near, local: chunks.local_of(index), corners: chunks.corners() }
     }
 
-    /// Chunk-local positions; empty where the pass runs on what is saved.
+    /// Chunk-local positions.
     #[inline(always)]
     pub fn near(&self) -> &[f64] {
         self.near

@@ -34,60 +34,49 @@ fn assert_gradient(mut f: impl FnMut(&[f64]) -> f64, x: &[f64], grad: &[f64]) {
     }
 }
 
-fn check_term<T: Term>(mut term: T, dim: usize, x: &[f64], random: &mut Random) {
+fn check_term<T: Term>(mut term: T, x: &[f64], random: &mut Random) {
     let n = x.len();
     let mut grad = vec![0.0; n];
-    term.moved();
     let first = term.energy(x, Some(&mut grad));
-    let again = term.energy(x, None);
-    assert_eq!(first, again, "from what was saved");
-    assert_gradient(
-        |y| {
-            term.moved();
-            term.energy(y, None).value
-        },
-        x,
-        &grad,
-    );
+    assert_eq!(first, term.energy(x, None), "with and without its gradient");
+    assert_gradient(|y| term.energy(y, None).value, x, &grad);
     // The penalty around a random local state.
-    let mut z = vec![0.0; term.local_len()];
-    term.moved();
-    term.couple(x, &mut z);
-    let u: Vec<f64> = z.iter().map(|_| random.uniform(-0.2, 0.2)).collect();
-    for z in &mut z {
-        *z += random.uniform(-0.1, 0.1);
+    let mut c = vec![0.0; term.local_len()];
+    term.couple(x, &mut c);
+    let u: Vec<f64> = c.iter().map(|_| random.uniform(-0.2, 0.2)).collect();
+    let z: Vec<f64> = c.iter().map(|c| c + random.uniform(-0.1, 0.1)).collect();
+    let p: Vec<f64> = z.iter().zip(&u).map(|(z, u)| z - u).collect();
+    grad.fill(0.0);
+    let penalty = term.penalty(x, &p, &mut grad);
+    if let Some(energy) = penalty.energy {
+        assert_eq!(energy, first);
+    }
+    let mut unused = vec![0.0; n];
+    assert_gradient(|y| term.penalty(y, &p, &mut unused).value, x, &grad);
+    // The local step: u takes up the gap, p follows, and the gradient is that of the penalty at the new p.
+    let (mut p1, mut u1) = (p.clone(), u.clone());
+    let mut begin = vec![0.0; n];
+    let report = term.local_step(x, &mut p1, &mut u1, &mut begin);
+    assert_eq!(report.missed, 0);
+    for i in 0..c.len() {
+        let z1 = p1[i] + u1[i];
+        assert!((u1[i] - (u[i] + c[i] - z1)).abs() < 1e-12);
     }
     grad.fill(0.0);
-    term.penalty(x, &z, &u, &mut grad);
-    assert_gradient(
-        |y| {
-            term.moved();
-            let mut unused = vec![0.0; n];
-            term.penalty(y, &z, &u, &mut unused).value
-        },
-        x,
-        &grad,
-    );
-    // The local step: the change of the Lagrangian is what the values say, and u takes up the gap.
-    term.moved();
-    let mut c = vec![0.0; z.len()];
-    term.couple(x, &mut c);
-    let (mut z1, mut u1) = (z.clone(), u.clone());
-    let report = term.local_step(x, &mut z1, &mut u1);
-    assert_eq!(report.missed, 0);
-    let mut unused = vec![0.0; n];
-    let blocks = z.len() / term.local_len().max(1);
-    assert_eq!(blocks, 1);
-    for i in 0..z.len() {
-        assert!((u1[i] - (u[i] + c[i] - z1[i])).abs() < 1e-12);
-    }
-    let after = term.penalty(x, &z1, &u.iter().map(|v| -v).collect::<Vec<_>>(), &mut unused);
-    assert!(after.gap2 >= 0.0);
-    // A prox lowers the Lagrangian from wherever z was in its domain.
-    let (mut z2, mut u2) = (z1.to_vec(), u.to_vec());
-    let second = term.local_step(x, &mut z2, &mut u2);
-    assert!(second.lagrangian_change() <= 1e-9 * (1.0 + second.penalty_after.abs()), "{second:?}");
-    assert!(dim > 0);
+    let objective = term.penalty(x, &p1, &mut grad).value;
+    assert!((objective - report.objective).abs() <= 1e-12 * objective.abs(), "{objective} {}", report.objective);
+    let scale = grad.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
+    assert!(grad.iter().zip(&begin).all(|(a, b)| (a - b).abs() <= 1e-12 * scale));
+    let residual = term.residual(x, &p1, &u1);
+    assert!(residual.gap2 > 0.0 && residual.size2 > residual.gap2);
+    // A prox lowers the Lagrangian from wherever z was in its domain: again from the z that it found, with the old u.
+    let mut p2: Vec<f64> = p1.iter().zip(&u1).zip(&u).map(|((p, u1), u)| p + u1 - u).collect();
+    let mut u2 = u.clone();
+    let second = term.local_step(x, &mut p2, &mut u2, &mut begin);
+    let tolerance = 1e-9 * (1.0 + second.penalty_after.abs());
+    assert!((second.penalty_before - report.penalty_after).abs() <= tolerance, "{second:?} after {report:?}");
+    assert!(second.lagrangian_change().abs() <= tolerance, "{second:?}");
+    assert!(second.moved2 <= tolerance, "{second:?}");
 }
 
 #[test]
@@ -97,22 +86,22 @@ fn gradients_against_differences() {
     let x = deformed(&rest, &mut random, 0.15);
     let solid = Rest::<3, 3>::new(&rest, &tets).unwrap();
     let nh = NeoHookean { mu: 1.0, lambda: 5.0 };
-    check_term(Elements::<3, 3, Polar>::new(&solid, nh, 3.0), 3, &x, &mut random);
-    check_term(Elements::<3, 3, Linear>::new(&solid, nh, 3.0), 3, &x, &mut random);
+    check_term(Elements::<3, 3, Polar>::new(&solid, nh, 3.0), &x, &mut random);
+    check_term(Elements::<3, 3, Linear>::new(&solid, nh, 3.0), &x, &mut random);
     let triangles: Vec<u32> = (0..11).flat_map(|i| [0, 2 + i, 2 + (i + 1) % 11]).collect();
     let sheet = Rest::<3, 2>::new(&rest, &triangles).unwrap();
-    check_term(Elements::<3, 2, Polar>::new(&sheet, SymmetricDirichlet::default(), 4.0), 3, &x, &mut random);
-    check_term(Elements::<3, 2, Linear>::new(&sheet, Arap::default(), 2.0), 3, &x, &mut random);
+    check_term(Elements::<3, 2, Polar>::new(&sheet, SymmetricDirichlet::default(), 4.0), &x, &mut random);
+    check_term(Elements::<3, 2, Linear>::new(&sheet, Arap::default(), 2.0), &x, &mut random);
     let edges: Vec<u32> = (0..11).flat_map(|i| [0, 2 + i]).collect();
     let springs = Rest::<3, 1>::new(&rest, &edges).unwrap();
-    check_term(Elements::<3, 1, Polar>::new(&springs, Arap::default(), 2.0), 3, &x, &mut random);
-    check_term(Elements::<3, 1, Linear>::new(&springs, Arap::default(), 2.0), 3, &x, &mut random);
+    check_term(Elements::<3, 1, Polar>::new(&springs, Arap::default(), 2.0), &x, &mut random);
+    check_term(Elements::<3, 1, Linear>::new(&springs, Arap::default(), 2.0), &x, &mut random);
     let flat: Vec<f64> = rest.chunks(3).enumerate().filter(|(i, _)| *i != 1).flat_map(|(_, p)| [p[0], p[1]]).collect();
     let fan: Vec<u32> = (0..11).flat_map(|i| [0, 1 + i, 1 + (i + 1) % 11]).collect();
     let y = deformed(&flat, &mut random, 0.1);
     let plane = Rest::<2, 2>::new(&flat, &fan).unwrap();
-    check_term(Elements::<2, 2, Polar>::new(&plane, nh, 3.0), 2, &y, &mut random);
-    check_term(Elements::<2, 2, Linear>::new(&plane, nh, 3.0), 2, &y, &mut random);
+    check_term(Elements::<2, 2, Polar>::new(&plane, nh, 3.0), &y, &mut random);
+    check_term(Elements::<2, 2, Linear>::new(&plane, nh, 3.0), &y, &mut random);
 }
 
 #[test]
@@ -132,8 +121,7 @@ fn the_normal_matrix_is_the_hessian_of_the_linear_penalty() {
     let z = vec![0.0; term.local_len()];
     let mut g = |x: &[f64]| {
         let mut grad = vec![0.0; free * 3];
-        term.moved();
-        term.penalty(x, &z, &z, &mut grad);
+        term.penalty(x, &z, &mut grad);
         grad
     };
     for j in 0..free {
@@ -154,16 +142,16 @@ fn reweighting_keeps_the_force() {
     let x = deformed(&rest, &mut random, 0.3);
     let solid = Rest::<3, 3>::new(&rest, &tets).unwrap();
     let mut term = Elements::<3, 3, Polar>::new(&solid, NeoHookean { mu: 1.0, lambda: 5.0 }, 3.0);
-    let mut z = vec![0.0; term.local_len()];
-    term.couple(&x, &mut z);
-    let mut u = vec![0.0; z.len()];
-    term.local_step(&x, &mut z, &mut u);
+    let mut p = vec![0.0; term.local_len()];
+    term.couple(&x, &mut p);
+    let mut u = vec![0.0; p.len()];
+    term.local_step(&x, &mut p, &mut u, &mut vec![0.0; x.len()]);
     let before: Vec<f64> = (0..term.n_elems()).map(|e| u[e % 8 + e / 8 * 48] * term.weight2[e]).collect();
     let ratio = term.propose_weights((0.1, 10.0));
     assert!(ratio > 1.0 && ratio <= 10.0 + 1e-12, "{ratio}");
     assert_eq!(term.propose_weights((1.0, 1.0)), 1.0, "clamped to the base weight");
     term.propose_weights((0.1, 10.0));
-    term.take_weights(&mut u);
+    term.take_weights(&mut p, &mut u);
     for (e, before) in before.iter().enumerate() {
         let after = u[e % 8 + e / 8 * 48] * term.weight2[e];
         assert!((after - before).abs() <= 1e-14 * before.abs());

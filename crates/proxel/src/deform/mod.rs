@@ -16,7 +16,7 @@ pub use watch::{Hooks, Progress};
 use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
-use proxel_split::{Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome, Problem, Status};
+use proxel_split::{Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome, Problem, Residuals, Status};
 use std::time::Instant;
 
 /// What is to be deformed, and how it is held.
@@ -99,7 +99,6 @@ fn deform_here(input: &DeformInput, settings: &DeformSettings, hooks: &mut Hooks
     let positions = body.positions(&run.outcome.x);
     let x = body.centred(&positions);
     let mut grad = vec![0.0; run.problem.n_free * 3];
-    run.problem.moved();
     let energy = run.problem.energy(&x, Some(&mut grad));
     let gradient_norm = proxel_split::vector::norm(&grad);
     let outcome = &run.outcome;
@@ -120,8 +119,8 @@ fn deform_here(input: &DeformInput, settings: &DeformSettings, hooks: &mut Hooks
         min_stretch: finite(energy.min_stretch),
         max_stretch: finite(energy.max_stretch),
         position_error: body.reference_error(&x, &body.centred(&start)).and_then(finite),
-        primal_residual: finite(outcome.last.primal_residual),
-        dual_residual: finite(outcome.last.dual_residual),
+        primal_residual: finite(run.residuals.primal),
+        dual_residual: finite(run.residuals.dual),
         accepted: outcome.accepted,
         rejected: outcome.rejected,
         warnings: body.warnings().to_vec(),
@@ -143,6 +142,7 @@ struct Finished {
     outcome: Outcome,
     problem: Problem,
     reference_gradient: f64,
+    residuals: Residuals,
     factor_bytes: u64,
     setup: f64,
     solve: f64,
@@ -164,7 +164,7 @@ impl Finished {
             is_last: true,
             last: Default::default(),
         };
-        Finished { outcome, problem, reference_gradient: 0.0, factor_bytes: 0, setup: 0.0, solve: 0.0 }
+        Finished { outcome, problem, reference_gradient: 0.0, residuals: Residuals { primal: 0.0, dual: 0.0 }, factor_bytes: 0, setup: 0.0, solve: 0.0 }
     }
 }
 
@@ -173,7 +173,7 @@ fn method(problem: Problem, settings: &DeformSettings) -> Result<Admm, proxel_sp
     let name = settings.method;
     let global: Box<dyn GlobalStep> = match name.is_rotation_aware() {
         true => Box::new(Lbfgs::new(settings.admm.lbfgs())),
-        false => Box::new(Direct::new()),
+        false => Box::new(Direct),
     };
     let reweighting = name.is_reweighted().then(|| settings.admm.reweighting());
     Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting })
@@ -191,7 +191,8 @@ fn solve(body: &Body, problem: Problem, settings: &DeformSettings, hooks: &mut H
     let outcome = proxel_split::run(&mut method, &mut [&mut tolerance, &mut cancel, &mut time, &mut limit], &mut watcher);
     let factor_bytes = method.normal().factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
-    Ok(Finished { outcome, problem: method.into_problem(), reference_gradient, factor_bytes, setup, solve })
+    let residuals = method.residuals();
+    Ok(Finished { outcome, problem: method.into_problem(), reference_gradient, residuals, factor_bytes, setup, solve })
 }
 
 impl MethodName {

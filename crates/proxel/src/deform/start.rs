@@ -24,12 +24,10 @@ pub(super) fn smooth(cells: &Cells, number: &[u32], rest: &[f64], x0: Vec<f64>, 
     let mut normal = NormalMatrix::new(&problem).map_err(refuse)?;
     let mut x = problem.x0.clone();
     // p = c(D rest): what the rest positions, and no others, match exactly.
-    let mut z = vec![vec![0.0; problem.terms[0].local_len()]];
-    problem.terms[0].couple(rest, &mut z[0]);
-    problem.moved();
-    let u = vec![vec![0.0; z[0].len()]];
+    let mut p = vec![vec![0.0; problem.terms[0].local_len()]];
+    problem.terms[0].couple(rest, &mut p[0]);
     let mut g = vec![0.0; n_free * 3];
-    problem.penalty(&x, &z, &u, &mut g);
+    problem.penalty(&x, &p, &mut g);
     normal.solve(&mut g).map_err(refuse)?;
     vector::add_scaled(&mut x[..n_free * 3], -1.0, &g);
     Ok(x)

@@ -56,14 +56,15 @@ impl Observer for Watcher<'_, '_> {
         }
         if let Some(trace) = self.hooks.trace.as_deref_mut() {
             let evaluation = method.evaluate();
+            let residuals = method.residuals();
             trace(&TraceRow {
                 iteration: report.iteration,
                 seconds,
                 energy: evaluation.energy.value,
                 gradient_norm: evaluation.gradient_norm,
                 position_error: self.body.reference_error(method.x(), &self.start).unwrap_or(f64::INFINITY),
-                primal_residual: report.primal_residual,
-                dual_residual: report.dual_residual,
+                primal_residual: residuals.primal,
+                dual_residual: residuals.dual,
                 merit: f64::INFINITY,
                 inner: report.inner,
                 refactorised: report.refactorised,
