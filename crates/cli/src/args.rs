@@ -142,7 +142,9 @@ pub fn parse() -> Result<Command, ExitCode> {
     match Cli::try_parse() {
         Ok(cli) => Ok(cli.command),
         Err(e) => match e.kind() {
-            ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            ErrorKind::DisplayHelp
+            | ErrorKind::DisplayVersion
+            | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
                 // What cannot be printed cannot be complained about either.
                 let _ = e.print();
                 let help_asked_for = e.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;

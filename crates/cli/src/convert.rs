@@ -17,11 +17,9 @@ pub fn run(args: &ConvertArgs) -> Result<u8, Refusal> {
     outputs.file("--pins-out", args.pins_out.as_deref(), &[])?.check()?;
 
     let mut mesh = match Format::from_path(&args.mesh) {
-        Ok(Format::Npy) => Mesh {
-            name: args.mesh.display().to_string(),
-            points: read_points(&args.mesh)?,
-            ..Mesh::default()
-        },
+        Ok(Format::Npy) => {
+            Mesh { name: args.mesh.display().to_string(), points: read_points(&args.mesh)?, ..Mesh::default() }
+        }
         _ => read_mesh(&args.mesh)?,
     };
     let mut start = args.init.as_deref().map(read_points).transpose()?;
@@ -29,7 +27,8 @@ pub fn run(args: &ConvertArgs) -> Result<u8, Refusal> {
         && start.len() != mesh.n_verts()
     {
         let (n, of) = (start.len(), mesh.n_verts());
-        let text = format!("{}: it has {n} vertices, {} has {of}; give a start of the same mesh", path.display(), mesh.name);
+        let text =
+            format!("{}: it has {n} vertices, {} has {of}; give a start of the same mesh", path.display(), mesh.name);
         return Err(Refusal::new(text));
     }
     let mut pins = args.pins.as_deref().map(PinFile::read).transpose()?;

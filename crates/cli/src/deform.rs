@@ -4,4 +4,4 @@ mod args;
 mod run;
 
 pub use args::DeformArgs;
-pub use run::{run, solve_and_write, Files, Inputs};
+pub use run::{Files, Inputs, run, solve_and_write};

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use proxel::deform::DeformInput;
 use proxel::settings::DeformSettings;
-use proxel_mesh::generate::{Octopus, OctopusSettings, octopus};
+use proxel_mesh::generate::{Arm, Octopus, OctopusSettings, octopus};
 
 use crate::args::DemoArgs;
 use crate::deform::{Files, Inputs, solve_and_write};
@@ -31,7 +31,7 @@ pub fn run(args: &DemoArgs) -> Result<u8, Refusal> {
     let input = pose(octopus);
     if !args.quiet {
         println!(
-            "an octopus of {} vertices and {} tetrahedra, {} of them pinned; its arms start twisted",
+            "an octopus of {} vertices and {} tetrahedra, {} vertices pinned; its arms start in waves",
             input.rest.n_verts(),
             input.rest.tets.len(),
             input.fixed.len()
@@ -41,29 +41,80 @@ pub fn run(args: &DemoArgs) -> Result<u8, Refusal> {
     solve_and_write(inputs, &settings, &files, &interrupt, args.quiet)
 }
 
-/// Turns of the arms around the body in the start, at the tip.
-const SWIRL: f64 = 0.55;
+/// How far the arms swirl around the vertical axis, in degrees.
+const SWIRL: f64 = 28.0;
+/// How far they are raised around their roots, every other one, in degrees.
+const RAISED: [f64; 2] = [62.0, 8.0];
+/// How far each tip is bent inward beyond that, in degrees.
+const CURL: f64 = 60.0;
+/// How far each tip comes toward its root, so that arms bend instead of stretching.
+const SLACK: f64 = 0.16;
+/// Waves along each arm in the start, and their height in units of the body (about 1).
+const WAVES: (f64, f64) = (3.0, 0.34);
 
-/// The core stays, the tips are held where a swirl around the vertical axis takes them, and the
-/// start has all arms wound up by far more than that.
+/// The core stays where it is, the tips go rigidly where the arms are raised and curled, and the
+/// arms start in wild waves.
 fn pose(octopus: Octopus) -> DeformInput {
     let rest = &octopus.mesh.points;
-    let turned = |p: [f64; 3], angle: f64, lift: f64| {
-        let (s, c) = angle.sin_cos();
-        [c * p[0] + s * p[2], p[1] + lift, c * p[2] - s * p[0]]
-    };
-    let start: Vec<[f64; 3]> = rest
-        .iter()
-        .zip(&octopus.arm_point)
-        .map(|(&p, arm)| match arm {
-            None => p,
-            Some(at) => turned(p, SWIRL * std::f64::consts::TAU * at.t * at.t, 0.0),
-        })
-        .collect();
+    let poses: Vec<ArmPose> = octopus.arms.iter().enumerate().map(|(i, arm)| ArmPose::new(i, arm)).collect();
+    let at = |v: usize| octopus.arm_point[v].map(|at| (&poses[at.arm as usize], at.t));
+    let mut start: Vec<[f64; 3]> =
+        rest.iter().enumerate().map(|(v, &p)| at(v).map_or(p, |(pose, t)| pose.start(p, t))).collect();
     let mut fixed: Vec<(u32, [f64; 3])> = octopus.core.iter().map(|&v| (v, rest[v as usize])).collect();
-    for arm in &octopus.arms {
-        fixed.extend(arm.tip.iter().map(|&v| (v, start[v as usize])));
+    for (arm, pose) in octopus.arms.iter().zip(&poses) {
+        fixed.extend(arm.tip.iter().map(|&v| (v, pose.tip(rest[v as usize]))));
     }
     fixed.sort_unstable_by_key(|f| f.0);
+    for &(v, target) in &fixed {
+        start[v as usize] = target;
+    }
     DeformInput { rest: octopus.mesh, start: Some(start), fixed, ..DeformInput::default() }
+}
+
+/// What happens to an arm.
+struct ArmPose {
+    root: [f64; 3],
+    tip: [f64; 3],
+    across: [f64; 3], // horizontal, the axis that it is raised around
+    raised: f64,      // degrees
+}
+
+impl ArmPose {
+    fn new(i: usize, arm: &Arm) -> Self {
+        let (root, tip) = (arm.axis[0], arm.axis[arm.axis.len() - 1]);
+        let (x, z) = (tip[0] - root[0], tip[2] - root[2]);
+        let length = x.hypot(z).max(f64::MIN_POSITIVE);
+        ArmPose { root, tip, across: [-z / length, 0.0, x / length], raised: RAISED[i % RAISED.len()] }
+    }
+
+    /// The part `w` of the way from rest to where a rigid arm would go.
+    fn swung(&self, p: [f64; 3], w: f64) -> [f64; 3] {
+        let p = rotated(p, self.root, self.across, w * self.raised);
+        rotated(p, [0.0; 3], [0.0, 1.0, 0.0], w * SWIRL)
+    }
+
+    /// Where a vertex of the tip is held.
+    fn tip(&self, p: [f64; 3]) -> [f64; 3] {
+        let p = rotated(p, self.tip, self.across, CURL);
+        self.swung([0, 1, 2].map(|c| p[c] + SLACK * (self.root[c] - self.tip[c])), 1.0)
+    }
+
+    /// Where a vertex at `t` of the arm's length starts.
+    fn start(&self, p: [f64; 3], t: f64) -> [f64; 3] {
+        let envelope = (std::f64::consts::PI * t).sin();
+        let wave = WAVES.1 * envelope * (std::f64::consts::TAU * WAVES.0 * t).sin();
+        let p = [0, 1, 2].map(|c| p[c] + wave * self.across[c]);
+        self.swung(p, t * t * (3.0 - 2.0 * t))
+    }
+}
+
+/// `p` rotated around the unit vector `axis` through `center` (Rodrigues).
+fn rotated(p: [f64; 3], center: [f64; 3], axis: [f64; 3], degrees: f64) -> [f64; 3] {
+    let (s, c) = degrees.to_radians().sin_cos();
+    let d = [0, 1, 2].map(|i| p[i] - center[i]);
+    let along = (0..3).map(|i| axis[i] * d[i]).sum::<f64>();
+    [0, 1, 2].map(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        center[i] + c * d[i] + s * (axis[j] * d[k] - axis[k] * d[j]) + (1.0 - c) * along * axis[i]
+    })
 }

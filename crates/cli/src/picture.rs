@@ -5,7 +5,7 @@ use proxel::preview::{Camera, Image, Model, Scene, Style, render};
 use proxel_mesh::topology::surface;
 
 /// Size of a panel.
-const PANEL: [usize; 2] = [720, 720];
+const PANEL: [usize; 2] = [720, 640];
 
 /// Rest, start (where it is not the rest shape) and result; pins are red, the result has the colours
 /// of its energy density, square root, on a scale that most of it fills.

@@ -154,13 +154,8 @@ impl DeformArgs {
         s.method = MethodName::from_name(&self.method.method).unwrap_or_default(); // clap lets no other through
         self.method.apply(&mut s.admm);
         let m = &self.material;
-        s.material = Material {
-            energy: m.material.clone(),
-            young: m.young,
-            poisson: m.poisson,
-            mu: m.mu,
-            lambda: m.lambda,
-        };
+        s.material =
+            Material { energy: m.material.clone(), young: m.young, poisson: m.poisson, mu: m.mu, lambda: m.lambda };
         if let Err(e) = s.material.lame() {
             let option = match e {
                 MaterialError::Young(_) => "--young: ",
@@ -218,7 +213,9 @@ fn read_materials(path: &Path) -> Result<BTreeMap<i32, Material>, Refusal> {
     let mut out = BTreeMap::new();
     for (name, material) in named {
         let Ok(region) = name.parse::<i32>() else {
-            return Err(Refusal::new(format!("{file}: `{name}` is no region; name sections by the regions of the mesh")));
+            return Err(Refusal::new(format!(
+                "{file}: `{name}` is no region; name sections by the regions of the mesh"
+            )));
         };
         let refuse = |what: String| Refusal::new(format!("{file}: region {region}: {what}"));
         material.lame().map_err(|e| refuse(e.to_string()))?;

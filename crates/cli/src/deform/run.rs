@@ -81,7 +81,12 @@ impl Files {
         outputs.file("--preview", self.preview.as_deref(), &["png"])?.check()
     }
 
-    fn write(&self, input: &DeformInput, settings: &DeformSettings, result: &Deformation) -> Result<Vec<String>, Refusal> {
+    fn write(
+        &self,
+        input: &DeformInput,
+        settings: &DeformSettings,
+        result: &Deformation,
+    ) -> Result<Vec<String>, Refusal> {
         let mut written = Vec::new();
         let mut mesh = input.rest.with_points(result.positions.clone())?;
         if let Some(tets) = &result.repaired_tets {
@@ -129,7 +134,8 @@ fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inp
     if start.is_none() && !handles.moved && handles.loads.is_empty() && !weighs {
         warnings.push("nothing moves the body; give --init, pins with targets, or loads".to_owned());
     }
-    let input = DeformInput { rest: mesh, start, fixed: handles.fixed, soft: handles.soft, loads: handles.loads, reference };
+    let input =
+        DeformInput { rest: mesh, start, fixed: handles.fixed, soft: handles.soft, loads: handles.loads, reference };
     Ok(Inputs { input, warnings, read: began.elapsed().as_secs_f64() })
 }
 
@@ -197,7 +203,8 @@ pub fn solve_and_write(
     report.seconds.write = began.elapsed().as_secs_f64();
     report.peak_bytes = peak_bytes();
     if let Some(path) = &files.report {
-        let text = serde_json::to_string_pretty(&report).map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
+        let text = serde_json::to_string_pretty(&report)
+            .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
         write_text(path, &(text + "\n"))?;
         written.push(path.display().to_string());
     }

@@ -79,8 +79,7 @@ fn nearest_key(message: &str) -> Option<(&str, &str)> {
     let rest = message.strip_prefix("unknown field ")?;
     let mut quoted = rest.split('`').skip(1).step_by(2);
     let unknown = quoted.next()?;
-    let (known, distance) =
-        quoted.map(|k| (k, edit_distance(unknown, k))).min_by_key(|&(_, distance)| distance)?;
+    let (known, distance) = quoted.map(|k| (k, edit_distance(unknown, k))).min_by_key(|&(_, distance)| distance)?;
     (distance <= 1 + unknown.chars().count() / 4).then_some((unknown, known))
 }
 

@@ -115,11 +115,19 @@ pub struct Scaling {
 
 /// The ways to write a scaling.
 #[derive(Deserialize)]
-#[serde(untagged, deny_unknown_fields, expecting = "expected a factor, three factors, or { factors = [x, y, z], center = [x, y, z] }")]
+#[serde(
+    untagged,
+    deny_unknown_fields,
+    expecting = "expected a factor, three factors, or { factors = [x, y, z], center = [x, y, z] }"
+)]
 enum ScalingText {
     Uniform(f64),
     Axes([f64; 3]),
-    Around { factors: [f64; 3], #[serde(default)] center: Option<[f64; 3]> },
+    Around {
+        factors: [f64; 3],
+        #[serde(default)]
+        center: Option<[f64; 3]>,
+    },
 }
 
 impl From<ScalingText> for Scaling {
@@ -235,9 +243,7 @@ fn checked(name: &str, file: File) -> Result<BTreeMap<String, Group>, InputError
         return Err(InputError::new(name, "it has no groups", "add a group such as [groups.hand]"));
     }
     for (group, spec) in &file.groups {
-        spec.check().map_err(|(what, remedy)| {
-            InputError::new(name, format!("group `{group}`: {what}"), remedy)
-        })?;
+        spec.check().map_err(|(what, remedy)| InputError::new(name, format!("group `{group}`: {what}"), remedy))?;
     }
     Ok(file.groups)
 }
@@ -272,10 +278,7 @@ impl Group {
             return Err((format!("the stiffness is {k}"), "give a positive stiffness, or none for exact pins"));
         }
         if self.force.is_some() && (self.moves() || self.stiffness.is_some()) {
-            return Err((
-                "a force and a target exclude each other".into(),
-                "put the force in a group of its own",
-            ));
+            return Err(("a force and a target exclude each other".into(), "put the force in a group of its own"));
         }
         self.check_targets()
     }
@@ -312,9 +315,12 @@ impl Group {
             ("rotate", self.rotate.map(|r| r.axis)),
             ("rotate", self.rotate.and_then(|r| r.center)),
             ("translate", self.translate),
-            ("force", self.force.map(|f| match f {
-                Force::Total(f) | Force::Each(f) => f,
-            })),
+            (
+                "force",
+                self.force.map(|f| match f {
+                    Force::Total(f) | Force::Each(f) => f,
+                }),
+            ),
         ];
         let scalars = [
             ("sphere", self.sphere.map(|s| s.radius)),

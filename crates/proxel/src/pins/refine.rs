@@ -34,13 +34,7 @@ impl PinFile {
         Ok(PinFile { name: self.name.clone(), content })
     }
 
-    fn refined_group(
-        &self,
-        group: &Group,
-        name: &str,
-        rest: &[V3],
-        edges: &[[u32; 2]],
-    ) -> Result<Group, InputError> {
+    fn refined_group(&self, group: &Group, name: &str, rest: &[V3], edges: &[[u32; 2]]) -> Result<Group, InputError> {
         let selected = group.select(&self.name, name, rest)?;
         let members: BTreeSet<u32> = selected.iter().copied().collect();
         let center = centroid(rest, &members);

@@ -21,7 +21,10 @@ impl Group {
                 list.iter().for_each(|&v| mask[v as usize] = true);
                 mask
             });
-            (0..rest.len()).filter(|&v| self.chooses(in_list.as_mut().map(|m| m[v]), rest[v])).map(|v| v as u32).collect()
+            (0..rest.len())
+                .filter(|&v| self.chooses(in_list.as_mut().map(|m| m[v]), rest[v]))
+                .map(|v| v as u32)
+                .collect()
         };
         if selected.is_empty() {
             let what = format!("group `{name}` chooses none of the {} vertices", rest.len());
@@ -36,8 +39,7 @@ impl Group {
             let d = [0, 1, 2].map(|c| p[c] - s.center[c]);
             d.iter().map(|x| x * x).sum::<f64>() <= s.radius * s.radius
         });
-        let on_side =
-            self.plane.map(|h| (0..3).map(|c| (p[c] - h.point[c]) * h.normal[c]).sum::<f64>() >= 0.0);
+        let on_side = self.plane.map(|h| (0..3).map(|c| (p[c] - h.point[c]) * h.normal[c]).sum::<f64>() >= 0.0);
         let mut answers = [in_list, in_box, in_sphere, on_side].into_iter().flatten();
         match self.combine.unwrap_or_default() {
             Combine::All => answers.all(|a| a),
@@ -47,7 +49,8 @@ impl Group {
 }
 
 pub(super) fn out_of_range(file: &str, v: u32, n: usize, group: &str) -> InputError {
-    let range = if n == 0 { "there are no vertices".to_owned() } else { format!("vertices are numbered 0 to {}", n - 1) };
+    let range =
+        if n == 0 { "there are no vertices".to_owned() } else { format!("vertices are numbered 0 to {}", n - 1) };
     InputError::new(
         file,
         format!("{group}vertex index {v} is out of range, {range}"),

@@ -138,9 +138,7 @@ fn overlapping_groups_must_agree() {
         "p.toml: groups `a` and `b` send vertex 2 to different places; take the vertex out of one of \
          them, or give it a stiffness"
     );
-    assert!(
-        refusal("[groups.a]\nindices = [1, 1]\ntargets = [[0,0,0],[0,0,1]]").contains("vertex 1 has two targets")
-    );
+    assert!(refusal("[groups.a]\nindices = [1, 1]\ntargets = [[0,0,0],[0,0,1]]").contains("vertex 1 has two targets"));
 }
 
 #[test]
@@ -165,7 +163,10 @@ fn groups_that_make_no_sense_are_refused() {
         ("[groups.a]\nindices = [1]\nrotate = { axis = [0,0,0], angle = 1 }", "a normal or axis is zero"),
         ("[groups.a]\nindices = [1]\nforce = { each = [1,0,0] }\nstiffness = 1", "exclude each other"),
         ("[groups.a]\nindices = [1]\ntranslate = [0, 1e999, 0]", "line 3: floating-point number overflowed"),
-        ("[groups.a]\nindices = [1, 2]\nscale = [1.7e308, 1, 1]\nrotate = { axis = [0,0,1], angle = 30, center = [-1e308,0,0] }", "not finite"),
+        (
+            "[groups.a]\nindices = [1, 2]\nscale = [1.7e308, 1, 1]\nrotate = { axis = [0,0,1], angle = 30, center = [-1e308,0,0] }",
+            "not finite",
+        ),
         ("[groups.a]\nbox = { min = [1,0,0], max = [0,0,0] }", "the box has its x from 1 to 0"),
         ("[groups.a]\nindices = [1]\nscale = \"big\"", "expected a factor, three factors"),
         ("groups = 3", "expected groups by name"),

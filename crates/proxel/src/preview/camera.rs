@@ -38,10 +38,7 @@ impl Frame {
             return Frame { middle: [0.0; 3], radius: 1.0 };
         }
         let radius = (0..3).map(|c| 0.5 * hi[c] - 0.5 * lo[c]).fold(0.0, f64::max);
-        Frame {
-            middle: [0, 1, 2].map(|c| 0.5 * lo[c] + 0.5 * hi[c]),
-            radius: if radius > 0.0 { radius } else { 1.0 },
-        }
+        Frame { middle: [0, 1, 2].map(|c| 0.5 * lo[c] + 0.5 * hi[c]), radius: if radius > 0.0 { radius } else { 1.0 } }
     }
 
     pub fn inward(&self, p: V3) -> V3 {
@@ -57,8 +54,8 @@ pub(super) struct View {
     pub axes: [V3; 3],
     /// Up in the world.
     pub up: V3,
-    focal: f64,  // over half the shorter side of a panel
-    unit: f64,   // samples in half the shorter side
+    focal: f64, // over half the shorter side of a panel
+    unit: f64,  // samples in half the shorter side
     center: [f64; 2],
 }
 
@@ -103,7 +100,9 @@ impl View {
             for c in 0..2 {
                 for _ in 0..CENTERING_ROUNDS {
                     let slope = |p: &V3| (dot(*p, axes[c]) - position[c]) / (position[2] - dot(*p, back));
-                    let (lo, hi) = points().map(slope).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), s| (lo.min(s), hi.max(s)));
+                    let (lo, hi) = points()
+                        .map(slope)
+                        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), s| (lo.min(s), hi.max(s)));
                     position[c] += 0.5 * (lo + hi) * position[2];
                 }
             }

@@ -11,12 +11,11 @@ pub fn blend(a: [f32; 3], b: [f32; 3], t: f32) -> [f32; 3] {
     [0, 1, 2].map(|c| a[c] + t * (b[c] - a[c]))
 }
 
-/// Even steps of lightness from deep blue over teal and green to yellow, for numbers in [0, 1];
+/// Even steps of lightness from blue over teal and green to yellow, for numbers in [0, 1];
 /// grey for NaN. Anchors in the manner of viridis (van der Walt and Smith 2015).
 pub fn colour_map(t: f64) -> [f32; 3] {
-    const ANCHORS: [[f32; 3]; 8] = [
-        [0.282, 0.149, 0.471],
-        [0.255, 0.267, 0.529],
+    const ANCHORS: [[f32; 3]; 7] = [
+        [0.259, 0.286, 0.561],
         [0.192, 0.408, 0.557],
         [0.141, 0.545, 0.553],
         [0.153, 0.675, 0.510],

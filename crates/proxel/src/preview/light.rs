@@ -43,9 +43,21 @@ impl ShadowMap {
         let mut sum = 0.0;
         for dj in -radius..=radius + 1 {
             // The square has soft ends, so that the shadow moves smoothly between texels.
-            let wv = if dj == -radius { 1.0 - v } else if dj == radius + 1 { v } else { 1.0 };
+            let wv = if dj == -radius {
+                1.0 - v
+            } else if dj == radius + 1 {
+                v
+            } else {
+                1.0
+            };
             for di in -radius..=radius + 1 {
-                let wu = if di == -radius { 1.0 - u } else if di == radius + 1 { u } else { 1.0 };
+                let wu = if di == -radius {
+                    1.0 - u
+                } else if di == radius + 1 {
+                    u
+                } else {
+                    1.0
+                };
                 let (tx, ty) = (i + di, j + dj);
                 let inside = (0..n).contains(&tx) && (0..n).contains(&ty);
                 let dark = inside && self.buffer.nearness[(ty * n + tx) as usize] > threshold;

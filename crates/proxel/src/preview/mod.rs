@@ -24,7 +24,7 @@ mod tests;
 mod vec;
 
 pub use camera::Camera;
-pub use color::{SAND, blend, colour_map, PIN_RED};
+pub use color::{PIN_RED, SAND, blend, colour_map};
 pub use image::Image;
 
 use camera::{Frame, View};
@@ -100,7 +100,7 @@ impl Default for Style {
 struct Body {
     points: Vec<V3>,
     triangles: Vec<[u32; 3]>,
-    normals: Vec<[V3; 3]>,  // of the corners of each triangle
+    normals: Vec<[V3; 3]>, // of the corners of each triangle
     albedo: Vec<[f32; 3]>, // linear
 }
 

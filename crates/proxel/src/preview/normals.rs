@@ -22,9 +22,8 @@ pub(super) fn corner_normals(points: &[V3], triangles: &[[u32; 3]], crease: f64)
     let normal = |i: usize, v: u32| {
         let around = &corners[starts[v as usize] as usize..starts[v as usize + 1] as usize];
         let near = around.iter().filter(|c| dot(faces[c.0 as usize], faces[i]) >= least);
-        let sum = near.fold([0.0; 3], |sum, &(f, k)| {
-            add(sum, scale(angles[f as usize][k as usize], faces[f as usize]))
-        });
+        let sum =
+            near.fold([0.0; 3], |sum, &(f, k)| add(sum, scale(angles[f as usize][k as usize], faces[f as usize])));
         direction(sum, faces[i])
     };
     triangles.iter().enumerate().map(|(i, t)| t.map(|v| normal(i, v))).collect()

@@ -35,17 +35,15 @@ impl Buffer {
             let rows = (lo.max(0.0) as usize / BAND)..=((hi as usize).min(height.saturating_sub(1)) / BAND);
             rows.for_each(|band| bins[band].push(i as u32));
         }
-        let mut out = Buffer {
-            width,
-            height,
-            triangle: vec![NOTHING; width * height],
-            nearness: vec![0.0; width * height],
-        };
+        let mut out =
+            Buffer { width, height, triangle: vec![NOTHING; width * height], nearness: vec![0.0; width * height] };
         let size = (BAND * width).max(1);
         let rows = out.triangle.par_chunks_mut(size).zip(out.nearness.par_chunks_mut(size));
         rows.zip(&bins).enumerate().for_each(|(band, ((ids, nearness), bin))| {
             for &i in bin {
-                let [Some(a), Some(b), Some(c)] = triangles[i as usize].map(|v| projected[v as usize]) else { continue };
+                let [Some(a), Some(b), Some(c)] = triangles[i as usize].map(|v| projected[v as usize]) else {
+                    continue;
+                };
                 fill(i, [a, b, c], band * BAND, width, ids, nearness);
             }
         });

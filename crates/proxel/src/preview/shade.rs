@@ -202,7 +202,13 @@ fn smooth(t: f32) -> f32 {
 /// max(x, 0), but rounded near 0 so that the edge of light is no line.
 fn smooth_edge(x: f32) -> f32 {
     const W: f32 = 0.12;
-    if x > W { x } else if x < -W { 0.0 } else { (x + W) * (x + W) / (4.0 * W) }
+    if x > W {
+        x
+    } else if x < -W {
+        0.0
+    } else {
+        (x + W) * (x + W) / (4.0 * W)
+    }
 }
 
 /// Bright light is compressed instead of cut off.

@@ -7,8 +7,18 @@ fn cube(c: V3, size: f64) -> Model {
         [at(0, 0), at(1, 1), at(2, 2)]
     });
     let triangles = [
-        [0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-        [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5],
+        [0, 2, 1],
+        [1, 2, 3],
+        [4, 5, 6],
+        [5, 7, 6],
+        [0, 1, 4],
+        [1, 5, 4],
+        [2, 6, 3],
+        [3, 6, 7],
+        [0, 4, 2],
+        [2, 4, 6],
+        [1, 3, 5],
+        [3, 7, 5],
     ];
     Model::new(points.collect(), triangles.to_vec())
 }
@@ -57,7 +67,8 @@ fn the_nearer_surface_hides_the_farther() {
 
 #[test]
 fn pictures_do_not_depend_on_threads() {
-    let scene = Scene { models: vec![cube([0.0; 3], 1.0).pinned([0, 3]), cube([1.5, 0.3, 0.0], 0.5).colored_by(&[0.3; 8])] };
+    let scene =
+        Scene { models: vec![cube([0.0; 3], 1.0).pinned([0, 3]), cube([1.5, 0.3, 0.0], 0.5).colored_by(&[0.3; 8])] };
     let draw = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| render(&[scene.clone(), scene.clone()], &Camera::default(), &Style::default(), 97, 45))
