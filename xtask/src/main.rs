@@ -3,6 +3,8 @@
 //! They need nothing but cargo. What a chore runs is printed before it runs, and the exit status of what failed
 //! is passed on.
 
+#[cfg(test)]
+mod rules;
 mod run;
 mod summary;
 mod test;
