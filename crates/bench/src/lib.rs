@@ -10,8 +10,10 @@
 
 pub mod data;
 mod error;
+pub mod parts;
 pub mod plot;
 pub mod published;
+pub mod ratios;
 pub mod repro;
 pub mod runs;
 pub mod table;

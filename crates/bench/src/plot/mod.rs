@@ -61,10 +61,22 @@ const COLORS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
 ];
 
-const PANEL: (u32, u32) = (520, 400);
-const TITLE: u32 = 34;
-const LEGEND_LINE: u32 = 24;
+/// The backend draws on whole units: this many of them make a pixel, so that curves are smooth.
+const UNITS: u32 = 4;
+const PANEL: (u32, u32) = (520 * UNITS, 400 * UNITS);
+const TITLE: u32 = 34 * UNITS;
+const LEGEND_LINE: u32 = 24 * UNITS;
 const FONT: &str = "sans-serif";
+
+/// Units of pixels.
+const fn units(pixels: i32) -> i32 {
+    pixels * UNITS as i32
+}
+
+/// A font of a size in pixels.
+fn font(pixels: u32) -> (&'static str, u32) {
+    (FONT, pixels * UNITS)
+}
 
 /// Draws panels side by side, at most three a row, with one legend for all.
 ///
@@ -73,7 +85,17 @@ const FONT: &str = "sans-serif";
 pub fn write(path: &Path, title: &str, panels: &[Panel]) -> Result<(), BenchError> {
     let mut svg = String::new();
     draw(&mut svg, title, panels).map_err(|e| BenchError(format!("{}: the plot cannot be drawn: {e}", path.display())))?;
-    crate::table::write(path, &svg)
+    crate::table::write(path, &shown_in_pixels(&svg))
+}
+
+/// The drawing in units, shown in pixels: the view box stays, width and height shrink.
+fn shown_in_pixels(svg: &str) -> String {
+    let Some((head, body)) = svg.split_once("viewBox") else { return svg.to_string() };
+    let sizes: Vec<u32> = head.split('"').filter_map(|word| word.parse().ok()).collect();
+    match sizes[..] {
+        [width, height] => format!("<svg width=\"{}\" height=\"{}\" viewBox{body}", width / UNITS, height / UNITS),
+        _ => svg.to_string(),
+    }
 }
 
 type Drawn = Result<(), Box<dyn std::error::Error>>;
@@ -82,26 +104,26 @@ fn draw(svg: &mut String, title: &str, panels: &[Panel]) -> Drawn {
     let columns = panels.len().clamp(1, 3) as u32;
     let rows = (panels.len() as u32).div_ceil(columns).max(1);
     let legend = legend(panels);
-    let a_line = (columns * 3).max(1) as usize; // names side by side
-    let legend_height = LEGEND_LINE * legend.len().div_ceil(a_line) as u32 + 8;
+    let a_line = (columns * 2) as usize; // names side by side
+    let legend_height = LEGEND_LINE * legend.len().div_ceil(a_line) as u32 + 8 * UNITS;
     let size = (columns * PANEL.0, TITLE + rows * PANEL.1 + legend_height);
     let root = SVGBackend::with_string(svg, size).into_drawing_area();
     root.fill(&WHITE)?;
     let (head, rest) = root.split_vertically(TITLE);
-    let centred = |size: u32| (FONT, size).into_font().color(&BLACK).pos(Pos::new(HPos::Center, VPos::Center));
-    head.draw(&Text::new(title.to_string(), (size.0 as i32 / 2, TITLE as i32 / 2), centred(20)))?;
+    let centred = font(20).into_font().color(&BLACK).pos(Pos::new(HPos::Center, VPos::Center));
+    head.draw(&Text::new(title.to_string(), (size.0 as i32 / 2, TITLE as i32 / 2), centred))?;
     let (body, foot) = rest.split_vertically(rows * PANEL.1);
     for (area, panel) in body.split_evenly((rows as usize, columns as usize)).iter().zip(panels) {
         draw_panel(area, panel)?;
     }
     for (k, line) in legend.iter().enumerate() {
-        let x = (k % a_line) as i32 * (size.0 as i32 / a_line as i32) + 40;
-        let y = (k / a_line) as i32 * LEGEND_LINE as i32 + 12;
-        for (from, to) in dashes(&[(x, y), (x + 32, y)], line.style) {
+        let x = (k % a_line) as i32 * (size.0 as i32 / a_line as i32) + units(40);
+        let y = (k / a_line) as i32 * LEGEND_LINE as i32 + units(12);
+        for (from, to) in dashes(&[(x, y), (x + units(32), y)], line.style) {
             foot.draw(&PathElement::new([from, to], stroke(line.style)))?;
         }
-        let text = (FONT, 14).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
-        foot.draw(&Text::new(line.label.clone(), (x + 40, y), text))?;
+        let text = font(14).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
+        foot.draw(&Text::new(line.label.clone(), (x + units(40), y), text))?;
     }
     root.present()?;
     Ok(())
@@ -119,19 +141,21 @@ fn legend(panels: &[Panel]) -> Vec<&Line> {
 }
 
 fn stroke(style: usize) -> ShapeStyle {
-    COLORS[style % COLORS.len()].stroke_width(2)
+    COLORS[style % COLORS.len()].stroke_width(2 * UNITS)
 }
 
 fn draw_panel<DB: DrawingBackend>(area: &DrawingArea<DB, plotters::coord::Shift>, panel: &Panel) -> Drawn
 where
     DB::ErrorType: 'static,
 {
+    // A map is to be as wide as it is high.
+    let right = if panel.map.is_some() { 120 } else { 20 };
     let mut chart = ChartBuilder::on(area)
-        .margin(10)
-        .margin_right(20)
-        .caption(&panel.title, (FONT, 16))
-        .x_label_area_size(44)
-        .y_label_area_size(66)
+        .margin(units(10))
+        .margin_right(units(right))
+        .caption(&panel.title, font(16))
+        .x_label_area_size(units(44))
+        .y_label_area_size(units(66))
         .build_cartesian_2d(panel.x, panel.y)?;
     if let Some(map) = &panel.map {
         let (xs, ys) = (plotters::coord::ranged1d::Ranged::range(&panel.x), plotters::coord::ranged1d::Ranged::range(&panel.y));
@@ -146,10 +170,12 @@ where
         .configure_mesh()
         .x_desc(&panel.x_label)
         .y_desc(&panel.y_label)
-        .axis_desc_style((FONT, 15))
-        .label_style((FONT, 13))
+        .axis_desc_style(font(15))
+        .label_style(font(13))
+        .set_all_tick_mark_size(units(5))
+        .axis_style(BLACK.stroke_width(UNITS))
         .light_line_style(TRANSPARENT)
-        .bold_line_style(BLACK.mix(if panel.map.is_some() { 0.0 } else { 0.15 }))
+        .bold_line_style(BLACK.mix(if panel.map.is_some() { 0.0 } else { 0.15 }).stroke_width(UNITS))
         .draw()?;
     for line in &panel.lines {
         let finite: Vec<(f64, f64)> = line.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
@@ -167,7 +193,7 @@ where
         if line.marked {
             let color = COLORS[line.style % COLORS.len()];
             for p in pixels.iter().filter(|(x, y)| inside.0.contains(x) && inside.1.contains(y)) {
-                plain.draw(&Circle::new(local(*p), 4, color.filled()))?;
+                plain.draw(&Circle::new(local(*p), units(4), color.filled()))?;
             }
         }
     }
@@ -199,8 +225,8 @@ fn thin(points: &[(f64, f64)], panel: &Panel) -> Vec<(f64, f64)> {
 fn pattern(style: usize) -> &'static [f64] {
     match style / COLORS.len() % 3 {
         0 => &[],
-        1 => &[9.0, 5.0],
-        _ => &[2.0, 4.0],
+        1 => &[9.0 * UNITS as f64, 5.0 * UNITS as f64],
+        _ => &[2.0 * UNITS as f64, 4.0 * UNITS as f64],
     }
 }
 
@@ -275,9 +301,9 @@ mod tests {
 
     #[test]
     fn dashes_cover_nine_fourteenths() {
-        let strokes = dashes(&[(0, 0), (100, 0), (140, 0)], COLORS.len());
+        let strokes = dashes(&[(0, 0), (units(100), 0), (units(140), 0)], COLORS.len());
         let drawn: i32 = strokes.iter().map(|(a, b)| b.0 - a.0).sum();
-        assert_eq!(drawn, 90);
+        assert_eq!(drawn, units(90));
     }
 
     #[test]
@@ -294,6 +320,8 @@ mod tests {
         };
         let mut svg = String::new();
         draw(&mut svg, "all", &[panel]).expect("drawn into a string");
+        let svg = shown_in_pixels(&svg);
+        assert!(svg.starts_with("<svg width=\"520\" height=\"466\" viewBox=\"0 0 2080 1864\""), "{}", &svg[..90]);
         for text in ["curve", "panel", "seconds", "error", "all", "<circle"] {
             assert!(svg.contains(text), "{text}");
         }

@@ -18,7 +18,7 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     energy(context)?;
     let quick = context.options.quick;
     let angles: &[f64] = if quick { &[30.0, 90.0] } else { &[0.0, 15.0, 30.0, 60.0, 90.0, 120.0, 150.0] };
-    let lengths: &[usize] = if quick { &[4, 8] } else { &[2, 4, 8, 16, 32, 64] };
+    let lengths: &[usize] = if quick { &[4, 8] } else { &[4, 8, 16, 32, 64] };
     let by_angle = chains(context, angles.iter().map(|degrees| (*degrees, 8, *degrees)))?;
     let by_length = chains(context, lengths.iter().map(|n| (*n as f64, *n, 90.0)))?;
     let _ = writeln!(

@@ -21,5 +21,5 @@ pub fn chain(n: usize, angle: f64, stretch: f64) -> Model {
     let edges = (0..n as u32).map(|i| [i, i + 1]).collect();
     let rest = Mesh { name: "chain".to_string(), points, edges, ..Mesh::default() };
     let input = DeformInput { rest, start: Some(start), fixed, reference: Some(solution), ..DeformInput::default() };
-    Model { name: format!("chain of {n}, {:.0} degrees", angle.to_degrees()), input, read: 0.0 }
+    Model { name: format!("chain of {n}; {:.0} degrees", angle.to_degrees()), input, read: 0.0 }
 }
