@@ -44,7 +44,7 @@ pub fn run(args: &DemoArgs) -> Result<u8, Refusal> {
 /// How far the arms swirl around the vertical axis, in degrees.
 const SWIRL: f64 = 28.0;
 /// How far they are raised around their roots, every other one, in degrees.
-const RAISED: [f64; 2] = [62.0, 8.0];
+const RAISED: [f64; 2] = [8.0, 62.0];
 /// How far each tip is bent inward beyond that, in degrees.
 const CURL: f64 = 60.0;
 /// How far each tip comes toward its root, so that arms bend instead of stretching.

@@ -230,7 +230,8 @@ fn say(input: &DeformInput, files: &Files, result: &Deformation, written: &[Stri
     for repair in &r.repaired {
         eprintln!("repaired: {repair}");
     }
-    for path in &files.meshes {
+    // Who asks for several formats knows that they differ.
+    for path in files.meshes.iter().filter(|_| files.meshes.len() == 1) {
         let lost = not_carried(path, &input.rest, &proxel_mesh::Fields::none())?;
         if !lost.is_empty() && result.status != Status::Failed {
             eprintln!("warning: {} does not carry {}", path.display(), lost.join(" and "));

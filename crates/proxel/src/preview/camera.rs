@@ -126,11 +126,8 @@ impl View {
     pub fn project(&self, p: V3) -> Option<[f64; 3]> {
         let d = sub(p, self.eye);
         let depth = -dot(d, self.axes[2]);
-        if !(depth > 1e-6) {
-            return None;
-        }
         let s = self.focal * self.unit / depth;
-        Some([self.center[0] + s * dot(d, self.axes[0]), self.center[1] - s * dot(d, self.axes[1]), 1.0 / depth])
+        (depth > 1e-6).then(|| [self.center[0] + s * dot(d, self.axes[0]), self.center[1] - s * dot(d, self.axes[1]), 1.0 / depth])
     }
 
     /// The direction from the eye through a sample.

@@ -56,7 +56,7 @@ impl<'a> Shader<'a> {
         let up = view.up;
         let flat = direction(cross(right, up), back);
         let toward = |x: f64, y: f64, z: f64| direction(add(scale(x, right), add(scale(y, up), scale(z, flat))), up);
-        let to_key = toward(-0.62, 1.25, 0.75);
+        let to_key = toward(-0.75, 1.5, 0.6);
         let plane = Plane::below(body, right, up);
         let (open, sky) = sky(body, up, |u, v| plane.point(u, v));
         let key = ShadowMap::new(body, to_key, KEY_TEXELS);

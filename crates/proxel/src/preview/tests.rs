@@ -42,7 +42,7 @@ fn drawn(image: &Image) -> [usize; 4] {
 fn the_camera_frames_a_body_of_any_size_anywhere() {
     let here = picture(vec![cube([0.0; 3], 1.0)]);
     let [x0, x1, y0, y1] = drawn(&here);
-    assert!(y0 >= 2 && y0 <= 5 && (35..=38).contains(&y1), "fills the height: {y0} to {y1}");
+    assert!((2..=5).contains(&y0) && (35..=38).contains(&y1), "fills the height: {y0} to {y1}");
     assert!((x0 + x1).abs_diff(59) <= 1, "is in the middle: {x0} to {x1}");
     let far = picture(vec![cube([1e6, -1e6, 3e6], 1.0)]);
     let tiny = picture(vec![cube([0.0; 3], 1e-9)]);
