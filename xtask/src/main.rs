@@ -20,7 +20,7 @@ Chores:
   test                    all tests, doctests and examples, and the demo into target/demo
   lint                    formatting, clippy and the documentation, warnings being errors
   demo [ARGS]             proxel demo, as released
-  repro NAME --out DIR    a reproduction of a published table or figure; without arguments, their list
+  repro NAME --out DIR    a reproduction of a published table or figure; --help lists them
   help                    this text
 
 PROXEL_DATA names the folder with quasistatic/, parameterization/, .. that tests and reproductions on real
