@@ -288,22 +288,22 @@ impl DeformSettings {
         positive("weight_scale (--weight-scale)", a.weight_scale)?;
         positive("kappa", a.kappa)?;
         positive("weight_min", a.weight_min)?;
-        if !(a.weight_max >= a.weight_min && a.weight_max.is_finite()) {
+        if a.weight_max < a.weight_min || !a.weight_max.is_finite() {
             return Err(format!("weight_max is {}; it must be at least weight_min = {}", a.weight_max, a.weight_min));
         }
-        if !(a.reweight_trigger >= 1.0) {
+        if a.reweight_trigger < 1.0 || a.reweight_trigger.is_nan() {
             return Err(format!("reweight_trigger is {}; it must be at least 1", a.reweight_trigger));
         }
         if a.max_inner == 0 {
             return Err("max_inner is 0; a global step needs at least one inner step".to_string());
         }
-        if !(self.density >= 0.0 && self.density.is_finite()) {
+        if self.density < 0.0 || !self.density.is_finite() {
             return Err(format!("density is {}; it must not be negative", self.density));
         }
         if let Some(g) = self.gravity.iter().find(|g| !g.is_finite()) {
             return Err(format!("gravity has a component {g}; it must be finite"));
         }
-        if let Some(t) = self.time_limit.filter(|t| !(*t >= 0.0)) {
+        if let Some(t) = self.time_limit.filter(|t| *t < 0.0 || t.is_nan()) {
             return Err(format!("time_limit is {t}; it must be a number of seconds"));
         }
         if self.threads == Some(0) {

@@ -124,6 +124,11 @@ impl Lbfgs {
     }
 }
 
+/// Armijo's condition with 1e-4; a NaN does not meet it.
+fn descended(value: f64, before: f64, slope: f64) -> bool {
+    value <= before - 1e-4 * slope
+}
+
 impl GlobalStep for Lbfgs {
     fn run(
         &mut self,
@@ -144,22 +149,23 @@ impl GlobalStep for Lbfgs {
         while report.inner < self.settings.max_inner {
             let mut slope = self.direction(normal)?;
             report.solves += 1;
-            if !(slope > 0.0) && !self.pairs.is_empty() {
+            let descends = slope > 0.0 && slope.is_finite();
+            if !descends && !self.pairs.is_empty() {
                 // The history has lost its way; the first Hessian alone is positive definite.
                 self.reset();
                 report.shortened += 1;
                 slope = self.direction(normal)?;
                 report.solves += 1;
             }
-            let stop_before = self.settings.stop == InnerStop::NextStep && report.inner > 0 && slope <= enough;
-            if stop_before || !(slope > 0.0 && slope.is_finite()) {
+            let last = self.settings.stop == InnerStop::NextStep && report.inner > 0 && slope <= enough;
+            if last || slope.is_nan() || slope <= 0.0 {
                 break;
             }
             let before = value;
             let mut t = 1.0;
             vector::add_scaled(&mut x[..n], -t, &self.q);
             let mut arrived = objective.at(x, &mut self.g_new);
-            while self.settings.line_search && !(arrived.value <= before - 1e-4 * t * slope) && t > 1e-10 {
+            while self.settings.line_search && !descended(arrived.value, before, t * slope) && t > 1e-10 {
                 vector::add_scaled(&mut x[..n], t / 2.0, &self.q);
                 t /= 2.0;
                 report.shortened += 1;

@@ -96,13 +96,16 @@ const ROUNDING: f64 = 1e-15;
 /// The gradient is looked at every so many iterations while it is far from the tolerance.
 const FAR: usize = 10;
 
+/// What is left of the tolerance for the rounding of positions that are written.
+const MARGIN: f64 = 0.99;
+
 impl GradientTolerance {
     /// Takes the measure of the start.
     pub fn new(tol: f64, method: &mut dyn Method) -> Self {
         let start = method.evaluate().gradient_norm;
         let characteristic = method.problem().characteristic_gradient();
         let reference = if start.is_finite() { start.min(characteristic) } else { characteristic };
-        GradientTolerance { tol, reference, threshold: (tol * reference).max(ROUNDING * characteristic), next: 0 }
+        GradientTolerance { tol, reference, threshold: (MARGIN * tol * reference).max(ROUNDING * characteristic), next: 0 }
     }
 
     /// min(|g(x0)|, characteristic gradient), what the gradient is measured against.
