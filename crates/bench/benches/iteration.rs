@@ -4,9 +4,9 @@
 #![allow(missing_docs)] // divan's macros make public items
 
 use divan::{Bencher, counter::ItemsCount};
+use proxel::split::Method;
 use proxel_bench::data::Model;
 use proxel_bench::parts::{Parts, centaur_or_beam, iteration, pool};
-use proxel::split::Method;
 use std::cell::RefCell;
 use std::sync::OnceLock;
 
@@ -58,5 +58,6 @@ parts! {
     svd_sweep_and_gradient Parts::penalty;
     prox_sweep Parts::local_step;
     energy_pass Parts::energy;
+    candidate_weights Parts::candidate_weights;
     refactorisation |parts| parts.refactor().expect("positive definite");
 }

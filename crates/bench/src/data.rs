@@ -111,10 +111,12 @@ pub fn describe(names: &[String]) -> String {
 /// A model that is not there or cannot be read.
 pub fn load(name: &str) -> Result<Model, BenchError> {
     if name == BEAM {
-        return solved(twisted_beam([10, 3, 3])?);
+        return solved(twisted_beam([10, 3, 3])?, 1e-10);
     }
     let Some(folder) = folder() else {
-        return Err(BenchError(format!("{name}: no data; set PROXEL_DATA to the folder that holds quasistatic/{name}")));
+        return Err(BenchError(format!(
+            "{name}: no data; set PROXEL_DATA to the folder that holds quasistatic/{name}"
+        )));
     };
     read(name, &folder.join(name))
 }
@@ -160,12 +162,12 @@ pub fn twisted_beam(cells: [usize; 3]) -> Result<Model, BenchError> {
     Ok(Model { name: BEAM.to_string(), input, read: began.elapsed().as_secs_f64() })
 }
 
-/// The model with its own minimum as reference.
+/// The model with its own minimum, to a gradient of `tol`, as reference.
 ///
 /// # Errors
 /// A model that is no problem or does not converge.
-pub fn solved(mut model: Model) -> Result<Model, BenchError> {
-    let settings = DeformSettings { tol: 1e-10, max_iters: 20_000, ..DeformSettings::default() };
+pub fn solved(mut model: Model, tol: f64) -> Result<Model, BenchError> {
+    let settings = DeformSettings { tol, max_iters: 20_000, ..DeformSettings::default() };
     let end = deform(&model.input, &settings, &mut Hooks::default()).map_err(BenchError::from_display)?;
     if end.report.status != "converged" {
         return Err(BenchError(format!("{}: its reference did not converge: {}", model.name, end.report.reason)));

@@ -2,7 +2,7 @@
 //!
 //! An iteration is a local step (decomposition, prox and the gradient where the global step begins), a solve with three
 //! right-hand sides, and the penalty at the new positions (decomposition and gradient); what it does besides is the
-//! history of L-BFGS and the candidate weights.
+//! history of L-BFGS and, in reweighted methods, the candidate weights.
 
 use crate::BenchError;
 use crate::data::{self, Model};
@@ -117,7 +117,8 @@ impl Parts {
         let normal = NormalMatrix::new(&problem).map_err(BenchError::from_display)?;
         let grad = vec![0.0; problem.n_free * 3];
         let coupled = vec![0.0; problem.terms[0].local_len()];
-        let mut parts = Parts { problem, normal, states: [first, second], turn: 0, now, rhs: grad.clone(), grad, coupled };
+        let mut parts =
+            Parts { problem, normal, states: [first, second], turn: 0, now, rhs: grad.clone(), grad, coupled };
         parts.penalty();
         parts.rhs.copy_from_slice(&parts.grad);
         Ok(parts)
@@ -162,6 +163,11 @@ impl Parts {
     /// Energy pass, without its gradient.
     pub fn energy(&mut self) {
         black_box(self.problem.energy(&self.now.x, None));
+    }
+
+    /// Candidate weights from the stiffness at the local variables, W(20) and W(22).
+    pub fn candidate_weights(&mut self) {
+        black_box(self.problem.terms[0].propose_weights((0.1, 10.0)));
     }
 
     /// Numbers of the matrix and its factor anew.

@@ -26,7 +26,8 @@ fn iterations(csv: &str, problem: &str, method: &str, level: &str) -> Option<u32
 #[test]
 fn figure2_shows_that_rotation_awareness_turns_a_chain_in_fewer_iterations() {
     let out = folder("figure2");
-    run("wrapd-figure2", &Options { out: out.clone(), quick: true, ..Options::default() }, &mut |_| ()).expect("figure 2");
+    run("wrapd-figure2", &Options { out: out.clone(), quick: true, ..Options::default() }, &mut |_| ())
+        .expect("figure 2");
     let csv = read(&out, "wrapd-figure2.csv");
     assert_eq!(csv.lines().next(), Some("problem,method,level,iterations,seconds"));
     let of = |method: &str| iterations(&csv, "chain of 8; 90 degrees", method, "1e-4").expect("converged");
@@ -45,10 +46,16 @@ fn table1_of_a_generated_beam_lists_every_method_and_level() {
     run("wrapd-table1", &options, &mut |_| ()).expect("table 1");
     let csv = read(&out, "wrapd-table1.csv");
     assert_eq!(csv.lines().count(), 1 + 4 * 8, "{csv}"); // a header, 4 methods, 8 levels
-    let wrapd: Vec<u32> =
-        ["1e-1", "1e-2", "1e-3", "1e-4"].iter().map(|level| iterations(&csv, "beam", "wrapd", level).expect("reached")).collect();
+    let wrapd: Vec<u32> = ["1e-1", "1e-2", "1e-3", "1e-4"]
+        .iter()
+        .map(|level| iterations(&csv, "beam", "wrapd", level).expect("reached"))
+        .collect();
     assert!(wrapd.is_sorted() && wrapd[3] <= 150, "{wrapd:?}");
-    assert_eq!(iterations(&csv, "beam", "w-admm", "1e-4"), None, "a linear coupling cannot turn the beam in 300 iterations");
+    assert_eq!(
+        iterations(&csv, "beam", "w-admm", "1e-4"),
+        None,
+        "a linear coupling cannot turn the beam in 300 iterations"
+    );
     assert!(read(&out, "wrapd-table1.md").contains("a generated beam"));
     assert!(read(&out, "wrapd-table1-beam.svg").contains("position error"));
 }
@@ -68,6 +75,7 @@ fn the_other_reproductions_run_on_a_generated_beam() {
 
 #[test]
 fn a_name_that_is_not_known_is_refused_with_those_that_are() {
-    let error = run("table-one", &Options { out: folder("unknown"), ..Options::default() }, &mut |_| ()).expect_err("refused");
+    let error =
+        run("table-one", &Options { out: folder("unknown"), ..Options::default() }, &mut |_| ()).expect_err("refused");
     assert!(error.to_string().contains("wrapd-table1"), "{error}");
 }

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 #[command(name = "ratios", version)]
 struct Arguments {
     /// How often each part is timed
-    #[arg(long, default_value_t = 40, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, default_value_t = 30, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
     /// Also solve the model with every tetrahedron in 8, and say how iterations and time grow (minutes)
     #[arg(long)]

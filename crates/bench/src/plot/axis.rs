@@ -36,7 +36,11 @@ impl Axis {
 
     /// Where a value lies, 0 at `low` and 1 at `high`.
     pub fn place(&self, v: f64) -> f64 {
-        let ends = if self.log { (self.low.ln(), self.high.ln(), v.max(f64::MIN_POSITIVE).ln()) } else { (self.low, self.high, v) };
+        let ends = if self.log {
+            (self.low.ln(), self.high.ln(), v.max(f64::MIN_POSITIVE).ln())
+        } else {
+            (self.low, self.high, v)
+        };
         (ends.2 - ends.0) / (ends.1 - ends.0)
     }
 
@@ -114,7 +118,10 @@ mod tests {
     #[test]
     fn labels() {
         let axis = Axis::log(1e-6, 1e6);
-        assert_eq!([1e-4, 1e-3, 0.2, 1.0, 1e4, 1e5].map(|v| axis.format_ext(&v)), ["1e-4", "0.001", "0.2", "1", "10000", "1e5"]);
+        assert_eq!(
+            [1e-4, 1e-3, 0.2, 1.0, 1e4, 1e5].map(|v| axis.format_ext(&v)),
+            ["1e-4", "0.001", "0.2", "1", "10000", "1e5"]
+        );
     }
 
     #[test]

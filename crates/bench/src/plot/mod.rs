@@ -84,7 +84,8 @@ fn font(pixels: u32) -> (&'static str, u32) {
 /// A path that cannot be written.
 pub fn write(path: &Path, title: &str, panels: &[Panel]) -> Result<(), BenchError> {
     let mut svg = String::new();
-    draw(&mut svg, title, panels).map_err(|e| BenchError(format!("{}: the plot cannot be drawn: {e}", path.display())))?;
+    draw(&mut svg, title, panels)
+        .map_err(|e| BenchError(format!("{}: the plot cannot be drawn: {e}", path.display())))?;
     crate::table::write(path, &shown_in_pixels(&svg))
 }
 
@@ -158,11 +159,16 @@ where
         .y_label_area_size(units(66))
         .build_cartesian_2d(panel.x, panel.y)?;
     if let Some(map) = &panel.map {
-        let (xs, ys) = (plotters::coord::ranged1d::Ranged::range(&panel.x), plotters::coord::ranged1d::Ranged::range(&panel.y));
-        let at = |range: &std::ops::Range<f64>, k: usize| range.start + (range.end - range.start) * k as f64 / map.cells as f64;
+        let (xs, ys) =
+            (plotters::coord::ranged1d::Ranged::range(&panel.x), plotters::coord::ranged1d::Ranged::range(&panel.y));
+        let at = |range: &std::ops::Range<f64>, k: usize| {
+            range.start + (range.end - range.start) * k as f64 / map.cells as f64
+        };
         chart.draw_series(map.values.iter().enumerate().map(|(k, v)| {
             let (i, j) = (k % map.cells, k / map.cells);
-            let corners = [(at(&xs, i), at(&ys, j)), (at(&xs, i + 1), at(&ys, j + 1))];
+            // A cell reaches under the next ones, which are drawn over it: no seams.
+            let next = |k: usize| (k + 2).min(map.cells);
+            let corners = [(at(&xs, i), at(&ys, j)), (at(&xs, next(i)), at(&ys, next(j)))];
             Rectangle::new(corners, shade(*v).filled())
         }))?;
     }
@@ -178,7 +184,8 @@ where
         .bold_line_style(BLACK.mix(if panel.map.is_some() { 0.0 } else { 0.15 }).stroke_width(UNITS))
         .draw()?;
     for line in &panel.lines {
-        let finite: Vec<(f64, f64)> = line.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
+        let finite: Vec<(f64, f64)> =
+            line.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
         // Dashes are cut where the curve is drawn, in pixels, so that they are as long everywhere.
         let pixels: Vec<(i32, i32)> = thin(&finite, panel).iter().map(|p| chart.backend_coord(p)).collect();
         let inside = chart.plotting_area().get_pixel_range();
@@ -243,7 +250,8 @@ fn dashes(points: &[Pixel], style: usize) -> Vec<(Pixel, Pixel)> {
     for w in points.windows(2) {
         let (a, b) = ((f64::from(w[0].0), f64::from(w[0].1)), (f64::from(w[1].0), f64::from(w[1].1)));
         let length = (b.0 - a.0).hypot(b.1 - a.1);
-        let at = |t: f64| ((a.0 + (b.0 - a.0) * t / length).round() as i32, (a.1 + (b.1 - a.1) * t / length).round() as i32);
+        let at =
+            |t: f64| ((a.0 + (b.0 - a.0) * t / length).round() as i32, (a.1 + (b.1 - a.1) * t / length).round() as i32);
         let mut from = 0.0;
         while from < length {
             let to = (from + left).min(length);

@@ -40,7 +40,8 @@ pub fn child() -> Result<String, BenchError> {
 /// # Errors
 /// A system without /proc.
 pub fn peak_bytes() -> Result<u64, BenchError> {
-    let status = std::fs::read_to_string("/proc/self/status").map_err(|e| BenchError(format!("/proc/self/status: {e}")))?;
+    let status =
+        std::fs::read_to_string("/proc/self/status").map_err(|e| BenchError(format!("/proc/self/status: {e}")))?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:")).and_then(|l| l.split_whitespace().next());
     let kilobytes: Option<u64> = line.and_then(|v| v.parse().ok());
     kilobytes.map(|k| k * 1024).ok_or_else(|| BenchError("/proc/self/status: it has no VmHWM".to_string()))
@@ -69,6 +70,7 @@ pub(super) fn rows() -> Result<Vec<Row>, BenchError> {
         against: format!("{tets} tetrahedra"),
         figures: format!("{:.1} MB, the factor {:.1} MB", megabytes(peak), megabytes(factor)),
         ratio: Some(peak.saturating_sub(factor) as f64 / tets.max(1) as f64),
+        of_medians: None,
         threshold: Some(Threshold::AtMost(640.0)),
     }])
 }

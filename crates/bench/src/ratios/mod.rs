@@ -26,6 +26,8 @@ pub struct Row {
     pub figures: String,
     /// The ratio, of minima where times were repeated.
     pub ratio: Option<f64>,
+    /// The ratio of medians, where times were repeated: near the other one on a quiet machine.
+    pub of_medians: Option<f64>,
     /// What it is to be.
     pub threshold: Option<Threshold>,
 }
@@ -60,15 +62,23 @@ impl std::fmt::Display for Threshold {
 
 /// The rows as Markdown.
 pub fn table(rows: &[Row]) -> String {
-    let mut table = Table::new(["quantity", "against", "least; median", "ratio", "threshold", "met"]);
+    let mut table = Table::new(["quantity", "against", "least; median", "ratio", "of medians", "threshold", "met"]);
     for row in rows {
-        let ratio = row.ratio.map_or(String::new(), |r| format!("{r:.3}"));
+        let number = |r: Option<f64>| r.map_or(String::new(), |r| format!("{r:.3}"));
         let threshold = row.threshold.map_or(String::new(), |t| t.to_string());
         let met = match (row.ratio, row.threshold) {
             (Some(ratio), Some(threshold)) => if threshold.is_met(ratio) { "yes" } else { "no" }.to_string(),
             _ => String::new(),
         };
-        table.row([row.quantity.clone(), row.against.clone(), row.figures.clone(), ratio, threshold, met]);
+        table.row([
+            row.quantity.clone(),
+            row.against.clone(),
+            row.figures.clone(),
+            number(row.ratio),
+            number(row.of_medians),
+            threshold,
+            met,
+        ]);
     }
     table.to_string()
 }

@@ -29,6 +29,7 @@ pub(super) fn rows(tell: &mut dyn FnMut(&str)) -> Result<Vec<Row>, BenchError> {
             against: format!("wrapd, 2 threads, reading included: {} iterations", end.iteration),
             figures: format!("{} s", seconds(ours)),
             ratio: Some(theirs / ours),
+            of_medians: None,
             threshold: Some(Threshold::AtLeast(10.0)),
         });
     }

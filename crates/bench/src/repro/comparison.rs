@@ -75,7 +75,13 @@ mod tests {
         let run = |iteration: usize, error: f64| Run {
             problem: "p".into(),
             method: "m".into(),
-            points: vec![Point { iteration, inner: 2 * iteration, seconds: 1.0, position_error: error, energy_error: 0.0 }],
+            points: vec![Point {
+                iteration,
+                inner: 2 * iteration,
+                seconds: 1.0,
+                position_error: error,
+                energy_error: 0.0,
+            }],
             reweighted: vec![],
             reason: String::new(),
         };

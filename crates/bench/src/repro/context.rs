@@ -44,7 +44,12 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    pub(super) fn new(name: &'static str, options: &'a Options, models: Vec<String>, tell: &'a mut dyn FnMut(&str)) -> Self {
+    pub(super) fn new(
+        name: &'static str,
+        options: &'a Options,
+        models: Vec<String>,
+        tell: &'a mut dyn FnMut(&str),
+    ) -> Self {
         let levels = LEVELS.iter().copied().filter(|level| matches!(level, Level::Position(_))).collect();
         Context { name, options, models, text: String::new(), runs: Vec::new(), levels, tell }
     }
@@ -102,7 +107,12 @@ impl<'a> Context<'a> {
     ///
     /// # Errors
     /// Settings that make no problem.
-    pub fn run(&mut self, (model, least_energy): &(Model, f64), method: &str, settings: DeformSettings) -> Result<Run, BenchError> {
+    pub fn run(
+        &mut self,
+        (model, least_energy): &(Model, f64),
+        method: &str,
+        settings: DeformSettings,
+    ) -> Result<Run, BenchError> {
         let settings = self.settings(settings);
         let runner = Runner { model, least_energy: *least_energy, levels: &self.levels, repeats: self.options.repeats };
         let run = runner.run(method, &settings)?;
@@ -151,7 +161,13 @@ pub fn energy_panel(title: &str, runs: &[(&Run, usize)]) -> Panel {
     panel(title, "energy error", runs, (1e-12, 1.5), |p| p.energy_error)
 }
 
-fn panel(title: &str, y_label: &str, runs: &[(&Run, usize)], (low, high): (f64, f64), value: fn(&crate::runs::Point) -> f64) -> Panel {
+fn panel(
+    title: &str,
+    y_label: &str,
+    runs: &[(&Run, usize)],
+    (low, high): (f64, f64),
+    value: fn(&crate::runs::Point) -> f64,
+) -> Panel {
     let after_start = |run: &Run| run.points.iter().skip(1).map(|p| (p.seconds, value(p))).collect::<Vec<_>>();
     let lines: Vec<Line> = runs
         .iter()

@@ -29,7 +29,8 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
          of W(21). A rotation-aware splitting of springs that stay close to their length is done as soon as its global \
          step is; one with a linear coupling turns every edge vector a little in each iteration.\n"
     );
-    let mut table = Table::new(["problem", "admm-pd: iterations", "solves", "seconds", "r-admm: iterations", "solves", "seconds"]);
+    let mut table =
+        Table::new(["problem", "admm-pd: iterations", "solves", "seconds", "r-admm: iterations", "solves", "seconds"]);
     let mut rows: Vec<&(f64, [Run; 2])> = by_angle.iter().collect();
     rows.extend(by_length.iter().filter(|(n, _)| *n != 8.0));
     for (_, runs) in rows {

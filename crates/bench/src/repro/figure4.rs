@@ -30,7 +30,8 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
             "## {name}\n\nIterations (seconds) to each position error. Static methods are run with every multiplier beta of their \
              squared weights; left, each is drawn with its best one.\n"
         );
-        let positions: Vec<Level> = LEVELS.iter().copied().filter(|level| matches!(level, Level::Position(_))).collect();
+        let positions: Vec<Level> =
+            LEVELS.iter().copied().filter(|level| matches!(level, Level::Position(_))).collect();
         let mut table = Table::new(["method".to_string()].into_iter().chain(positions.iter().map(Level::to_string)));
         for run in [&wrapd, &w_admm].into_iter().chain(&r_admm).chain(&admm_pd) {
             table.row([run.method.clone()].into_iter().chain(positions.iter().map(|level| cost(run, *level))));

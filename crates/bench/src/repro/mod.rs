@@ -87,7 +87,11 @@ pub fn run(name: &str, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<
     let mut models = options.models.clone();
     if models.is_empty() && !reproduction.standalone {
         let found = data::found();
-        let wanted = if options.quick && reproduction.models.is_empty() { &["shear", "stretch"][..] } else { reproduction.models };
+        let wanted = if options.quick && reproduction.models.is_empty() {
+            &["shear", "stretch"][..]
+        } else {
+            reproduction.models
+        };
         models = found.into_iter().filter(|name| wanted.is_empty() || wanted.contains(&name.as_str())).collect();
         if options.quick {
             models.truncate(2);

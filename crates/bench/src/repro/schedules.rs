@@ -4,6 +4,7 @@ use super::comparison::{Means, compare};
 use super::context::Context;
 use super::variants::Variant;
 use crate::BenchError;
+use crate::plot::{Axis, Line, Panel};
 use crate::runs::CONVERGED;
 use crate::table::{Table, cost};
 use proxel::settings::{AdmmSettings, BaseWeight, DeformSettings, InnerStopName, LocalFrame, Schedule};
@@ -25,7 +26,8 @@ const CHANGES: [Change; 8] = [
 ];
 
 pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
-    let of = |name: &str, schedule: Schedule| Variant { name: name.to_string(), settings: DeformSettings::of(schedule) };
+    let of =
+        |name: &str, schedule: Schedule| Variant { name: name.to_string(), settings: DeformSettings::of(schedule) };
     let default = of("default", Schedule::Default);
     let mut variants = vec![default.clone(), of("reference", Schedule::Reference), of("paper", Schedule::Paper)];
     let schedules = variants.len();
@@ -44,7 +46,8 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     }
     let runs = compare(context, &variants)?;
     let means: Vec<Means> = runs.iter().map(|runs| Means::of(runs)).collect();
-    let header = ["schedule", "iterations", "inner steps", "seconds", "not reached", "seconds over those of the default"];
+    let header =
+        ["schedule", "iterations", "inner steps", "seconds", "not reached", "seconds over those of the default"];
     let _ = writeln!(
         context.text,
         "WRAPD to a position error of 1e-4, geometric means over the models. A run that does not get there counts with all that it \
@@ -63,28 +66,26 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         table.row([variant.name.clone()].into_iter().chain(runs.iter().map(|run| cost(run, CONVERGED))));
     }
     let _ = writeln!(context.text, "## Each model\n\nIterations (seconds).\n\n{table}");
-    bars(context, &variants, &means)
+    plot(context, &variants, &means)
 }
 
-/// Seconds and iterations of every variant over those of the default.
-fn bars(context: &mut Context<'_>, variants: &[Variant], means: &[Means]) -> Result<(), BenchError> {
-    use crate::plot::{Axis, Line, Panel};
-    let line = |label: &str, style: usize, of: &dyn Fn(&Means) -> f64| Line {
-        label: label.to_string(),
-        points: means.iter().enumerate().map(|(k, m)| ((k + 1) as f64, of(m) / of(&means[0]))).collect(),
-        style,
-        marked: true,
-    };
-    let lines = vec![line("iterations", 0, &|m| m.iterations), line("seconds", 1, &|m| m.seconds)];
-    let ys = lines.iter().flat_map(|l| &l.points).map(|p| p.1).chain([0.8, 1.5]);
+/// Seconds against iterations of every variant, both over those of the default.
+fn plot(context: &mut Context<'_>, variants: &[Variant], means: &[Means]) -> Result<(), BenchError> {
+    let point = |m: &Means| (m.iterations / means[0].iterations, m.seconds / means[0].seconds);
+    let lines: Vec<Line> = variants
+        .iter()
+        .zip(means)
+        .enumerate()
+        .map(|(k, (variant, m))| Line { label: variant.name.clone(), points: vec![point(m)], style: k, marked: true })
+        .collect();
     let panel = Panel {
-        title: variants.iter().enumerate().map(|(k, _)| (k + 1).to_string()).collect::<Vec<_>>().join(" "),
-        x_label: "variant".to_string(),
-        y_label: "relative to the default".to_string(),
-        x: Axis::linear(0.0, variants.len() as f64 + 1.0),
-        y: Axis::log_around(ys),
+        title: "geometric means, relative to the default".to_string(),
+        x_label: "iterations".to_string(),
+        y_label: "seconds".to_string(),
+        x: Axis::log_around(means.iter().map(|m| point(m).0).chain([0.7, 1.5])),
+        y: Axis::log_around(means.iter().map(|m| point(m).1).chain([0.7, 1.5])),
         lines,
         map: None,
     };
-    context.plot("", "Cost to 1e-4 relative to the default schedule", &[panel])
+    context.plot("", "Cost of WRAPD to 1e-4", &[panel])
 }

@@ -57,7 +57,8 @@ fn summary(context: &mut Context<'_>, results: &[(Model, Vec<Run>)]) {
         let mut row = vec![figure.to_string(), model.name.clone(), model.size()];
         row.extend(runs.iter().map(|run| cost(run, CONVERGED)));
         row.extend((0..PAPER_METHODS.len()).map(|m| {
-            published.map_or(String::new(), |p| format!("{} ({} s)", p.paper.costs[m].iterations, p.paper.costs[m].seconds))
+            published
+                .map_or(String::new(), |p| format!("{} ({} s)", p.paper.costs[m].iterations, p.paper.costs[m].seconds))
         }));
         table.row(row);
     }
