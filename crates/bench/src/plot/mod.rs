@@ -105,7 +105,7 @@ fn draw(svg: &mut String, title: &str, panels: &[Panel]) -> Drawn {
     let columns = panels.len().clamp(1, 3) as u32;
     let rows = (panels.len() as u32).div_ceil(columns).max(1);
     let legend = legend(panels);
-    let a_line = (columns * 2) as usize; // names side by side
+    let a_line = names_a_line(&legend, columns);
     let legend_height = LEGEND_LINE * legend.len().div_ceil(a_line) as u32 + 8 * UNITS;
     let size = (columns * PANEL.0, TITLE + rows * PANEL.1 + legend_height);
     let root = SVGBackend::with_string(svg, size).into_drawing_area();
@@ -139,6 +139,12 @@ fn legend(panels: &[Panel]) -> Vec<&Line> {
         }
     }
     lines
+}
+
+/// How many names fit side by side, at the usual seven or eight pixels a letter.
+fn names_a_line(legend: &[&Line], columns: u32) -> usize {
+    let longest = legend.iter().map(|line| line.label.chars().count()).max().unwrap_or(0) as u32;
+    (columns * PANEL.0 / ((90 + 8 * longest) * UNITS)).max(1) as usize
 }
 
 fn stroke(style: usize) -> ShapeStyle {
