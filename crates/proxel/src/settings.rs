@@ -1,7 +1,7 @@
 //! Settings of `deform`, with their defaults: the one place that the command line, the library and bindings take them from.
 
 use proxel_model::energy::{Lame, MaterialError};
-use proxel_split::{InnerStop, LbfgsSettings, Range, Reweighting};
+use proxel_split::{Hardening, InnerStop, LbfgsSettings, Range, Reweighting};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -62,10 +62,23 @@ pub enum Schedule {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BaseWeight {
+    /// The slope fit where weights are dynamic; the rest Hessian, which is larger and safer, where they stay.
+    Auto,
     /// The largest eigenvalue of the Hessian at rest, W(21).
     RestHessian,
     /// The slope fit of Liu et al. 2017.
     Slope,
+}
+
+/// What candidate weights are taken from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Candidate {
+    /// The largest eigenvalue of the Hessian where the element is, W(20)-(22).
+    Hessian,
+    /// The base weight times the ratio of that eigenvalue to the one at rest, so that an element at rest keeps its base
+    /// weight whatever that is; raised towards that eigenvalue itself while the method does not settle.
+    Relative,
 }
 
 /// In what frame the local variable of the rotation-aware methods is taken.
@@ -96,6 +109,8 @@ pub struct AdmmSettings {
     pub base_weight: BaseWeight,
     /// Factor of the squared weights, the paper's beta.
     pub weight_scale: f64,
+    /// What candidate weights are taken from.
+    pub candidate: Candidate,
     /// Frame of the local variable.
     pub local_frame: LocalFrame,
     /// First iteration that may reweight, k_rw.
@@ -124,6 +139,7 @@ impl AdmmSettings {
         let paper = AdmmSettings {
             base_weight: BaseWeight::RestHessian,
             weight_scale: 1.0,
+            candidate: Candidate::Hessian,
             local_frame: LocalFrame::Eigenvalues,
             reweight_from: 50,
             reweight_trigger: 1.5,
@@ -146,8 +162,10 @@ impl AdmmSettings {
                 ..paper
             },
             Schedule::Default => AdmmSettings {
-                base_weight: BaseWeight::Slope,
+                base_weight: BaseWeight::Auto,
+                candidate: Candidate::Relative,
                 inner_stop: InnerStopName::StepTaken,
+                line_search: true,
                 ..paper
             },
         }
@@ -172,6 +190,7 @@ impl AdmmSettings {
         Reweighting {
             range: Range::Late { from: self.reweight_from, min: self.weight_min, max: self.weight_max },
             trigger: self.reweight_trigger,
+            hardening: (self.candidate == Candidate::Relative).then(Hardening::default),
         }
     }
 }

@@ -10,7 +10,7 @@
 
 use crate::{
     EnergyReport, Evaluation, GlobalStep, Method, NormalMatrix, Objective, Problem, Residual, Residuals, Reweighting, StepReport,
-    SystemError, vector,
+    SystemError, reweight::Settling, vector,
 };
 
 /// How an [`Admm`] is put together.
@@ -33,6 +33,7 @@ pub struct Admm {
     u: Vec<Vec<f64>>, // scaled duals, likewise
     grad: Vec<f64>,   // gradient over the free nodes: of the global step's objective, or of the problem's
     moved2: f64,      // sum w^2 |z - z_before|^2 of the last local step
+    settling: Settling,
     iteration: usize,
     energy: Option<EnergyReport>,
     evaluation: Option<Evaluation>,
@@ -54,13 +55,20 @@ impl Admm {
         }
         let grad = vec![0.0; problem.n_free * problem.dim];
         let moved2 = f64::INFINITY;
-        Ok(Admm { settings, problem, normal, x, p, u, grad, moved2, iteration: 0, energy: None, evaluation: None })
+        Ok(Admm { settings, problem, normal, x, p, u, grad, moved2, settling: Settling::default(), iteration: 0, energy: None, evaluation: None })
     }
 
     /// Takes the candidate weights where one of them asks for it, W(22)-(23).
     fn reweight(&mut self) -> Result<bool, SystemError> {
         let Some(reweighting) = self.settings.reweighting else { return Ok(false) };
         let Some(range) = reweighting.range.at(self.iteration) else { return Ok(false) };
+        if let Some(rule) = &reweighting.hardening
+            && self.settling.has_stopped(self.moved2, rule)
+        {
+            for term in &mut self.problem.terms {
+                term.harden(rule.factor);
+            }
+        }
         let ratio = self.problem.terms.iter_mut().map(|term| term.propose_weights(range)).fold(1.0, f64::max);
         if ratio <= reweighting.trigger {
             return Ok(false);

@@ -30,7 +30,7 @@ pub use global::{Direct, GlobalReport, GlobalStep, Objective};
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
 pub use method::{Evaluation, Method, Residuals, StepReport};
 pub use problem::{Problem, ProblemError, Quadratic};
-pub use reweight::{Range, Reweighting};
+pub use reweight::{Hardening, Range, Reweighting};
 pub use run::{Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, Status, Stop, Verdict, run};
 pub use system::{NormalMatrix, SystemError};
 pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Term};

@@ -33,6 +33,46 @@ impl Range {
     }
 }
 
+/// Weights below the local stiffness are faster where they converge, and may run in circles where they do not: when the
+/// local variables have stopped settling, candidate weights are raised, at most to those of W(22).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hardening {
+    /// Iterations that are judged together.
+    pub window: usize,
+    /// The dual residual, squared and summed over a window, has to fall at least to this part of the window before.
+    pub required: f64,
+    /// Factor of the candidate weights where it does not.
+    pub factor: f64,
+}
+
+impl Default for Hardening {
+    fn default() -> Self {
+        Hardening { window: 10, required: 0.9, factor: 1.6 }
+    }
+}
+
+/// Watches the dual residual for [`Hardening`].
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Settling {
+    sum: f64,
+    count: usize,
+    before: Option<f64>,
+}
+
+impl Settling {
+    /// Takes the square of a dual residual; true where it has not fallen as required.
+    pub fn has_stopped(&mut self, moved2: f64, rule: &Hardening) -> bool {
+        self.sum += moved2;
+        self.count += 1;
+        if self.count < rule.window {
+            return false;
+        }
+        let stopped = self.before.is_some_and(|before| self.sum > rule.required * before);
+        *self = Settling { before: (!stopped).then_some(self.sum), ..Default::default() };
+        stopped
+    }
+}
+
 /// Dynamic reweighting, W section 5.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reweighting {
@@ -40,23 +80,34 @@ pub struct Reweighting {
     pub range: Range,
     /// gamma of W(23): all elements are reweighted when the ratio of one exceeds it.
     pub trigger: f64,
+    /// When to raise candidate weights that are below those of W(22).
+    pub hardening: Option<Hardening>,
 }
 
 impl Reweighting {
     /// Quasi-static deformation, W section 6.1.
     pub fn quasi_static() -> Self {
-        Reweighting { range: Range::Late { from: 50, min: 0.1, max: 10.0 }, trigger: 1.5 }
+        Reweighting { range: Range::Late { from: 50, min: 0.1, max: 10.0 }, trigger: 1.5, hardening: None }
     }
 
     /// Parameterization, W section 6.2.
     pub fn parameterization() -> Self {
-        Reweighting { range: Range::Growing { first: 10.0, growth: 1.5, cap: 1e9 }, trigger: 1.5 }
+        Reweighting { range: Range::Growing { first: 10.0, growth: 1.5, cap: 1e9 }, trigger: 1.5, hardening: None }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn settling_is_judged_by_windows() {
+        let rule = Hardening { window: 2, required: 0.8, factor: 1.6 };
+        let mut settling = Settling::default();
+        let verdicts: Vec<bool> = [4.0, 4.0, 2.0, 2.0, 2.0, 1.5, 9.0, 9.0].map(|m| settling.has_stopped(m, &rule)).to_vec();
+        // 8, then 4: fell; then 3.5 of 4: stopped, and what follows is judged anew.
+        assert_eq!(verdicts, [false, false, false, false, false, true, false, false]);
+    }
 
     #[test]
     fn the_schedules_of_section_6() {

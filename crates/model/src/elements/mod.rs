@@ -46,6 +46,7 @@ pub struct Elements<const D: usize, const K: usize, C> {
     near: Vec<f64>,    // chunk-local positions
     partials: Vec<f64>, // chunk-local sums of forces
     singular_values: bool, // see `with_singular_values`
+    softening: f64,        // see `with_softening`
     coupling: PhantomData<C>,
 }
 
@@ -84,6 +85,7 @@ where
             partials: vec![0.0; slots],
             chunks,
             singular_values: false,
+            softening: 1.0,
             coupling: PhantomData,
         }
     }
@@ -93,6 +95,14 @@ where
     #[must_use]
     pub fn with_singular_values(mut self, singular_values: bool) -> Self {
         self.singular_values = singular_values && C::LOCAL < D * K;
+        self
+    }
+
+    /// Candidate weights are this part of V K_e, W(22) having 1. With the ratio of the base weight to the stiffness at rest,
+    /// an element at rest keeps its base weight.
+    #[must_use]
+    pub fn with_softening(mut self, softening: f64) -> Self {
+        self.softening = softening;
         self
     }
 
@@ -330,7 +340,7 @@ where
 
     fn propose_weights(&mut self, (low, high): (f64, f64)) -> f64 {
         self.proposed.resize(self.measure.len(), 0.0);
-        let (low, high) = (self.base * low, self.base * high);
+        let (low, high, softening) = (self.base * low, self.base * high, self.softening);
         let range = self.all_chunks();
         let shared = shared!(self, x: &[], p: &[], u: &[]);
         let piece = Piece { warm: &mut self.warm, p: &mut self.proposed, ..Default::default() };
@@ -341,12 +351,18 @@ where
             let mut ratio = 1.0_f64;
             for (at, candidate) in piece.p.iter_mut().enumerate() {
                 let weight2 = shared.weight2[first + at];
-                *candidate = candidate.clamp(low, high) * shared.measure[first + at];
+                *candidate = (*candidate * softening).clamp(low, high) * shared.measure[first + at];
                 ratio = ratio.max(*candidate / weight2).max(weight2 / *candidate);
             }
             Largest(ratio)
         });
         ratio
+    }
+
+    fn harden(&mut self, factor: f64) -> bool {
+        let before = self.softening;
+        self.softening = (before * factor).min(1.0).max(before);
+        self.softening > before
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {

@@ -1,7 +1,7 @@
 //! From the description of materials to batches of elements.
 
 use super::DeformError;
-use crate::settings::{BaseWeight, DeformSettings, LocalFrame, Material};
+use crate::settings::{BaseWeight, Candidate, DeformSettings, LocalFrame, Material};
 use proxel_mesh::{Mesh, topology};
 use proxel_model::elements::{Coupling, Elements, Linear, Polar, Rest, Shape, Simplex};
 use proxel_model::energy::{Energy, EnergyVisitor, visit_1d, visit_2d, visit_3d};
@@ -115,16 +115,22 @@ where
     type Output = Built;
     fn visit<E: Energy<K>>(self, energy: E) -> Built {
         let admm = &self.settings.admm;
+        let dynamic = self.settings.method.is_reweighted();
         let stiffness = match admm.base_weight {
             BaseWeight::RestHessian => energy.rest_stiffness(),
-            BaseWeight::Slope => energy.slope_stiffness(),
+            BaseWeight::Auto if !dynamic => energy.rest_stiffness(),
+            BaseWeight::Slope | BaseWeight::Auto => energy.slope_stiffness(),
         };
         let base = stiffness * admm.weight_scale;
+        let softening = match admm.candidate {
+            Candidate::Hessian => 1.0,
+            Candidate::Relative => base / energy.rest_stiffness(),
+        };
         let barrier = E::PROX_POSITIVE;
         let signed = admm.local_frame == LocalFrame::SingularValues;
         let term: Box<dyn Term> = match self.settings.method.is_rotation_aware() {
-            true => Box::new(Elements::<D, K, Polar>::new(self.rest, energy, base).with_singular_values(signed)),
-            false => Box::new(Elements::<D, K, Linear>::new(self.rest, energy, base)),
+            true => Box::new(Elements::<D, K, Polar>::new(self.rest, energy, base).with_singular_values(signed).with_softening(softening)),
+            false => Box::new(Elements::<D, K, Linear>::new(self.rest, energy, base).with_softening(softening)),
         };
         Built { term, barrier }
     }
