@@ -23,7 +23,7 @@ pub struct Footprint {
     pub tets: u64,
 }
 
-/// Solves, and prints its footprint for the parent: what the program does when its argument is [`CHILD`].
+/// Solves, and gives its footprint as text for the parent: what the program does when its argument is [`CHILD`].
 ///
 /// # Errors
 /// A model that cannot be read or solved; a system without /proc.

@@ -8,7 +8,7 @@ mod samples;
 mod solves;
 
 pub use growth::growth;
-pub use memory::{Footprint, child, footprint};
+pub use memory::{CHILD, Footprint, child, footprint};
 pub use samples::Samples;
 
 use crate::BenchError;
