@@ -2,7 +2,9 @@
 
 use proxel_model::elements::{Elements, Linear, Polar, Rest};
 use proxel_model::energy::NeoHookean;
-use proxel_split::{Admm, AdmmSettings, Direct, GlobalStep, Lbfgs, LbfgsSettings, Method, Problem, Quadratic, Range, Reweighting, Term};
+use proxel_split::{
+    Admm, AdmmSettings, Direct, GlobalStep, Lbfgs, LbfgsSettings, Method, Problem, Quadratic, Range, Reweighting, Term,
+};
 use proxel_testkit::meshes;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
@@ -44,7 +46,11 @@ fn steady_state_allocates_nothing() {
                 false => Box::new(Direct),
             };
             // A trigger of 1 reweights and refactors in nearly every iteration.
-            let reweighting = Some(Reweighting { range: Range::Late { from: 3, min: 0.1, max: 10.0 }, trigger: 1.0, hardening: None });
+            let reweighting = Some(Reweighting {
+                range: Range::Late { from: 3, min: 0.1, max: 10.0 },
+                trigger: 1.0,
+                hardening: None,
+            });
             let settings = AdmmSettings { name: "test".to_string(), global, reweighting };
             let mut method = Admm::new(cantilever(polar), settings).expect("a pinned beam");
             let mut refactored = 0;

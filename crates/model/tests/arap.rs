@@ -3,7 +3,10 @@
 
 use proxel_model::elements::{Coupling, Elements, Linear, Polar, Rest, Shape, Simplex};
 use proxel_model::energy::{Arap, Energy};
-use proxel_split::{Admm, AdmmSettings, Direct, GlobalStep, Lbfgs, LbfgsSettings, Method, NormalMatrix, Problem, Quadratic, Reweighting, Term, vector};
+use proxel_split::{
+    Admm, AdmmSettings, Direct, GlobalStep, Lbfgs, LbfgsSettings, Method, NormalMatrix, Problem, Quadratic,
+    Reweighting, Term, vector,
+};
 use proxel_testkit::{SplitMix, meshes};
 
 /// A beam with one end held and the other twisted and pulled, free nodes first, from a rough start.
@@ -43,7 +46,8 @@ where
 }
 
 fn admm(problem: Problem, global: impl GlobalStep + 'static, reweighting: Option<Reweighting>) -> Admm {
-    Admm::new(problem, AdmmSettings { name: "test".to_string(), global: Box::new(global), reweighting }).expect("a pinned beam")
+    Admm::new(problem, AdmmSettings { name: "test".to_string(), global: Box::new(global), reweighting })
+        .expect("a pinned beam")
 }
 
 /// L-BFGS as in Nocedal and Wright, Algorithm 7.4 and 7.5, with H0 = A^-1 and unit steps, on the energy itself.

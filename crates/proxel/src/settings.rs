@@ -77,7 +77,7 @@ pub enum Candidate {
     /// The largest eigenvalue of the Hessian where the element is, W(20)-(22).
     Hessian,
     /// The base weight times the ratio of that eigenvalue to the one at rest, so that an element at rest keeps its base
-    /// weight whatever that is; raised towards that eigenvalue itself while the method does not settle.
+    /// weight whatever that is; raised while the method does not settle.
     Relative,
 }
 

@@ -38,7 +38,8 @@ fn distance(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
 #[test]
 fn all_methods_agree() {
     let input = twisted([10, 2, 2], 1.0);
-    let tight = |method, schedule| DeformSettings { method, tol: 1e-8, max_iters: 20_000, ..DeformSettings::of(schedule) };
+    let tight =
+        |method, schedule| DeformSettings { method, tol: 1e-8, max_iters: 20_000, ..DeformSettings::of(schedule) };
     let wrapd = run(&input, &tight(MethodName::Wrapd, Schedule::Default));
     assert_eq!(wrapd.status, Status::Converged, "{}", wrapd.report.reason);
     let size = distance(&wrapd.positions, &vec![[0.0; 3]; wrapd.positions.len()]);
@@ -132,7 +133,8 @@ fn limits_and_cancel_tell_the_truth() {
     assert_eq!((cancelled.status, cancelled.report.iterations), (Status::Cancelled, 5));
     assert_eq!(rows.iter().map(|r| r.iteration).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5]);
     // The best so far: fewest inverted, then lowest energy.
-    let best = rows.iter().map(|r| (r.inverted, r.energy)).fold((u64::MAX, f64::INFINITY), |a, b| if b < a { b } else { a });
+    let best =
+        rows.iter().map(|r| (r.inverted, r.energy)).fold((u64::MAX, f64::INFINITY), |a, b| if b < a { b } else { a });
     assert_eq!(cancelled.report.inverted, Some(best.0));
     let energy = cancelled.report.energy.unwrap();
     assert!((energy - best.1).abs() <= 1e-9 * best.1, "{energy} is not {}", best.1);
@@ -143,7 +145,8 @@ fn hopeless_starts_are_solved() {
     let mut input = twisted([6, 2, 2], 0.5);
     let settings = DeformSettings::default();
     let good = run(&input, &settings);
-    let is_fixed: Vec<bool> = (0..input.rest.n_verts()).map(|v| input.fixed.iter().any(|(f, _)| *f as usize == v)).collect();
+    let is_fixed: Vec<bool> =
+        (0..input.rest.n_verts()).map(|v| input.fixed.iter().any(|(f, _)| *f as usize == v)).collect();
     let mirrored: Vec<[f64; 3]> = input.rest.points.iter().map(|p| [p[0], -p[1], p[2]]).collect();
     for (name, place) in [("collapsed", None), ("mirrored", Some(&mirrored))] {
         let start = input.start.clone().unwrap();

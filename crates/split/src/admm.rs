@@ -9,8 +9,8 @@
 //! | WRAPD | polar | [`crate::Lbfgs`] | W(22)-(23) |
 
 use crate::{
-    EnergyReport, Evaluation, GlobalStep, Method, NormalMatrix, Objective, Problem, Residual, Residuals, Reweighting, StepReport,
-    SystemError, reweight::Settling, vector,
+    EnergyReport, Evaluation, GlobalStep, Method, NormalMatrix, Objective, Problem, Residual, Residuals, Reweighting,
+    StepReport, SystemError, reweight::Settling, vector,
 };
 
 /// How an [`Admm`] is put together.
@@ -55,22 +55,36 @@ impl Admm {
         }
         let grad = vec![0.0; problem.n_free * problem.dim];
         let moved2 = f64::INFINITY;
-        Ok(Admm { settings, problem, normal, x, p, u, grad, moved2, settling: Settling::default(), iteration: 0, energy: None, evaluation: None })
+        Ok(Admm {
+            settings,
+            problem,
+            normal,
+            x,
+            p,
+            u,
+            grad,
+            moved2,
+            settling: Settling::default(),
+            iteration: 0,
+            energy: None,
+            evaluation: None,
+        })
     }
 
     /// Takes the candidate weights where one of them asks for it, W(22)-(23).
     fn reweight(&mut self) -> Result<bool, SystemError> {
         let Some(reweighting) = self.settings.reweighting else { return Ok(false) };
         let Some(range) = reweighting.range.at(self.iteration) else { return Ok(false) };
+        let mut hardened = false;
         if let Some(rule) = &reweighting.hardening
             && self.settling.has_stopped(self.moved2, rule)
         {
             for term in &mut self.problem.terms {
-                term.harden(rule.factor);
+                hardened |= term.harden(rule.factor);
             }
         }
         let ratio = self.problem.terms.iter_mut().map(|term| term.propose_weights(range)).fold(1.0, f64::max);
-        if ratio <= reweighting.trigger {
+        if ratio <= reweighting.trigger && !hardened {
             return Ok(false);
         }
         for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {

@@ -105,12 +105,8 @@ impl Lbfgs {
             return;
         }
         let n = self.g.len();
-        let mut pair = if self.pairs.len() == self.settings.window {
-            self.pairs.pop_front()
-        } else {
-            self.spare.pop()
-        }
-        .unwrap_or_else(|| Pair { s: vec![0.0; n], y: vec![0.0; n], rho: 0.0 });
+        let mut pair = if self.pairs.len() == self.settings.window { self.pairs.pop_front() } else { self.spare.pop() }
+            .unwrap_or_else(|| Pair { s: vec![0.0; n], y: vec![0.0; n], rho: 0.0 });
         vector::subtract(&mut pair.y, &self.g_new, &self.g);
         pair.s.copy_from_slice(&self.q);
         pair.s.iter_mut().for_each(|s| *s *= -t);

@@ -92,23 +92,39 @@ impl Problem {
         }
         if !self.x0.len().is_multiple_of(self.dim) || self.n_free > self.n() {
             let (length, dim, free) = (self.x0.len(), self.dim, self.n_free);
-            return Err(ProblemError::Shape(format!("x0 has {length} numbers, which are not {dim} for each of at least {free} nodes")));
+            return Err(ProblemError::Shape(format!(
+                "x0 has {length} numbers, which are not {dim} for each of at least {free} nodes"
+            )));
         }
         if let Some(i) = self.x0.iter().position(|v| !v.is_finite()) {
-            return Err(ProblemError::NotFinite(format!("node {}: a coordinate of the start is {}", i / self.dim, self.x0[i])));
+            return Err(ProblemError::NotFinite(format!(
+                "node {}: a coordinate of the start is {}",
+                i / self.dim,
+                self.x0[i]
+            )));
         }
         if !self.quadratic.loads.is_empty() && self.quadratic.loads.len() != self.x0.len() {
-            return Err(ProblemError::Shape(format!("there are {} load numbers for {} coordinates", self.quadratic.loads.len(), self.x0.len())));
+            return Err(ProblemError::Shape(format!(
+                "there are {} load numbers for {} coordinates",
+                self.quadratic.loads.len(),
+                self.x0.len()
+            )));
         }
         if let Some(i) = self.quadratic.loads.iter().position(|v| !v.is_finite()) {
-            return Err(ProblemError::NotFinite(format!("node {}: a load is {}", i / self.dim, self.quadratic.loads[i])));
+            return Err(ProblemError::NotFinite(format!(
+                "node {}: a load is {}",
+                i / self.dim,
+                self.quadratic.loads[i]
+            )));
         }
         for (node, k, target) in &self.quadratic.springs {
             if *node as usize >= self.n() {
                 return Err(ProblemError::Index(format!("a soft spring names node {node} of {}", self.n())));
             }
             if !(*k >= 0.0 && k.is_finite() && vector::is_finite(&target[..self.dim])) {
-                return Err(ProblemError::NotFinite(format!("the soft spring at node {node} has stiffness {k} and target {target:?}")));
+                return Err(ProblemError::NotFinite(format!(
+                    "the soft spring at node {node} has stiffness {k} and target {target:?}"
+                )));
             }
         }
         let n = self.n() as u32;

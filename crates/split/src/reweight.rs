@@ -34,7 +34,7 @@ impl Range {
 }
 
 /// Weights below the local stiffness are faster where they converge, and may run in circles where they do not: when the
-/// local variables have stopped settling, candidate weights are raised, at most to those of W(22).
+/// local variables have stopped settling, candidate weights are raised and taken at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hardening {
     /// Iterations that are judged together.
@@ -80,7 +80,7 @@ pub struct Reweighting {
     pub range: Range,
     /// gamma of W(23): all elements are reweighted when the ratio of one exceeds it.
     pub trigger: f64,
-    /// When to raise candidate weights that are below those of W(22).
+    /// When to raise candidate weights.
     pub hardening: Option<Hardening>,
 }
 
@@ -104,7 +104,8 @@ mod tests {
     fn settling_is_judged_by_windows() {
         let rule = Hardening { window: 2, required: 0.8, factor: 1.6 };
         let mut settling = Settling::default();
-        let verdicts: Vec<bool> = [4.0, 4.0, 2.0, 2.0, 2.0, 1.5, 9.0, 9.0].map(|m| settling.has_stopped(m, &rule)).to_vec();
+        let verdicts: Vec<bool> =
+            [4.0, 4.0, 2.0, 2.0, 2.0, 1.5, 9.0, 9.0].map(|m| settling.has_stopped(m, &rule)).to_vec();
         // 8, then 4: fell; then 3.5 of 4: stopped, and what follows is judged anew.
         assert_eq!(verdicts, [false, false, false, false, false, true, false, false]);
     }

@@ -74,7 +74,9 @@ pub struct Cancel(pub Arc<AtomicBool>);
 
 impl Stop for Cancel {
     fn check(&mut self, _: &mut dyn Method, _: &StepReport) -> Option<Verdict> {
-        self.0.load(Ordering::Relaxed).then(|| Verdict { status: Status::Cancelled, reason: "cancelled by the user".to_string() })
+        self.0
+            .load(Ordering::Relaxed)
+            .then(|| Verdict { status: Status::Cancelled, reason: "cancelled by the user".to_string() })
     }
 }
 
@@ -105,7 +107,12 @@ impl GradientTolerance {
         let start = method.evaluate().gradient_norm;
         let characteristic = method.problem().characteristic_gradient();
         let reference = if start.is_finite() { start.min(characteristic) } else { characteristic };
-        GradientTolerance { tol, reference, threshold: (MARGIN * tol * reference).max(ROUNDING * characteristic), next: 0 }
+        GradientTolerance {
+            tol,
+            reference,
+            threshold: (MARGIN * tol * reference).max(ROUNDING * characteristic),
+            next: 0,
+        }
     }
 
     /// min(|g(x0)|, characteristic gradient), what the gradient is measured against.
@@ -175,7 +182,8 @@ impl Best {
     fn is_beaten_by(&self, e: &EnergyReport) -> bool {
         e.value.is_finite()
             && (e.inverted < self.energy.inverted
-                || (e.inverted == self.energy.inverted && (e.value <= self.energy.value || !self.energy.value.is_finite())))
+                || (e.inverted == self.energy.inverted
+                    && (e.value <= self.energy.value || !self.energy.value.is_finite())))
     }
 }
 
@@ -197,7 +205,10 @@ pub fn run(method: &mut dyn Method, stops: &mut [&mut dyn Stop], observer: &mut 
         refactorisations += usize::from(report.refactorised);
         *(if report.accepted { &mut accepted } else { &mut rejected }) += 1;
         if !vector::is_finite(method.x()) {
-            break Verdict { status: Status::Failed, reason: format!("positions stopped being finite in iteration {}", report.iteration) };
+            break Verdict {
+                status: Status::Failed,
+                reason: format!("positions stopped being finite in iteration {}", report.iteration),
+            };
         }
         let energy = method.energy();
         if best.is_beaten_by(&energy) {

@@ -30,7 +30,10 @@ impl std::fmt::Display for SystemError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             SystemError::Singular { node } => {
-                write!(f, "the system is singular at node {node}: it is tied to no fixed node; pin a node of its component")
+                write!(
+                    f,
+                    "the system is singular at node {node}: it is tied to no fixed node; pin a node of its component"
+                )
             }
             SystemError::Factor(reason) => write!(f, "the system cannot be factored: {reason}"),
         }

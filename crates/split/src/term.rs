@@ -155,7 +155,7 @@ pub trait Term: Send + Sync {
     /// the largest ratio max(w_cand^2/w^2, w^2/w_cand^2), W(23).
     fn propose_weights(&mut self, range: (f64, f64)) -> f64;
 
-    /// Raises the candidate weights of the future by a factor, at most to those of W(22); false where they are there.
+    /// Raises the candidate weights of the future by a factor, up to a limit of the term; false where they are there.
     fn harden(&mut self, factor: f64) -> bool;
 
     /// Takes the candidate weights and scales u by w^2/w_cand^2, so that w^2 u, the force, stays; z stays, p follows.

@@ -51,7 +51,11 @@ fn corner<I: Isa, const D: usize>(near: &[f64], local: &[u16], k: usize) -> [F8<
 
 /// F = sum_k (x_k - x_0) g_k^T with g_k the rows of the inverse rest edges.
 #[inline(always)]
-fn deformation_gradient<I: Isa, const D: usize, const K: usize>(near: &[f64], local: &[u16], inverse: &[f64]) -> [[F8<I>; K]; D] {
+fn deformation_gradient<I: Isa, const D: usize, const K: usize>(
+    near: &[f64],
+    local: &[u16],
+    inverse: &[f64],
+) -> [[F8<I>; K]; D] {
     let origin = corner::<I, D>(near, local, 0);
     let mut f = [[F8::zero(); K]; D];
     for k in 0..K {
@@ -105,7 +109,11 @@ fn add_forces<I: Isa, const D: usize, const K: usize>(
 
 /// What is known of F at block b of a chunk.
 #[inline(always)]
-fn visit<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(shared: &Shared<'_, K>, chunk: &Chunk<'_>, b: usize) -> C::At<F8<I>> {
+fn visit<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(
+    shared: &Shared<'_, K>,
+    chunk: &Chunk<'_>,
+    b: usize,
+) -> C::At<F8<I>> {
     let inverse = block(shared.inverse, chunk.global(b), K * K);
     C::visit(deformation_gradient(chunk.near(), chunk.local(b), inverse))
 }
@@ -163,7 +171,8 @@ where
             C::store(&v, u_at);
             C::store(&C::add(&p, &u), p_at);
             // c + u - z = c - p
-            penalty = C::norm2(&C::subtract(&c, &p)).mul_add(F8::load_at(s.weight2, self.chunk.global(b)) * 0.5, penalty);
+            penalty =
+                C::norm2(&C::subtract(&c, &p)).mul_add(F8::load_at(s.weight2, self.chunk.global(b)) * 0.5, penalty);
             let mut frame: Decomposed<F8<I>, D, K> = C::frame(&v);
             if s.singular_values {
                 let signs = singular_signs(&frame.s);

@@ -32,19 +32,22 @@ use std::sync::Arc;
 /// prox, is that of the element, and their contribution vanishes in every sum.
 const PADDING: f64 = f64::from_bits((1023 - 600) << 52);
 
+/// Candidate weights are never hardened past this part of V K_e.
+const HARDEST: f64 = 4.0;
+
 /// sum_e V_e psi(F_e) over simplices with D x K deformation gradients (tetrahedra 3 x 3, triangles in space 3 x 2 or in
 /// the plane 2 x 2, springs D x 1), split by the coupling C.
 pub struct Elements<const D: usize, const K: usize, C> {
     chunks: Chunks,
     energy: Arc<dyn Density<K>>,
-    base: f64,         // squared base weight over measure
-    inverse: Vec<f64>, // [block][K][K][lane]: inverse of the rest edges
-    measure: Vec<f64>, // [block][lane]
-    weight2: Vec<f64>, // [block][lane]: w^2
-    proposed: Vec<f64>, // [block][lane]: candidate w^2, filled when first asked for
-    warm: Vec<f64>,    // [block][K][lane]: stretches of z
-    near: Vec<f64>,    // chunk-local positions
-    partials: Vec<f64>, // chunk-local sums of forces
+    base: f64,             // squared base weight over measure
+    inverse: Vec<f64>,     // [block][K][K][lane]: inverse of the rest edges
+    measure: Vec<f64>,     // [block][lane]
+    weight2: Vec<f64>,     // [block][lane]: w^2
+    proposed: Vec<f64>,    // [block][lane]: candidate w^2, filled when first asked for
+    warm: Vec<f64>,        // [block][K][lane]: stretches of z
+    near: Vec<f64>,        // chunk-local positions
+    partials: Vec<f64>,    // chunk-local sums of forces
     singular_values: bool, // see `with_singular_values`
     softening: f64,        // see `with_softening`
     coupling: PhantomData<C>,
@@ -156,7 +159,13 @@ where
         let Nothing = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
             let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
             for group in chunk.groups() {
-                dispatch(Couple::<C, D, K> { shared: &shared, chunk: &chunk, group, out: piece.p, coupling: PhantomData });
+                dispatch(Couple::<C, D, K> {
+                    shared: &shared,
+                    chunk: &chunk,
+                    group,
+                    out: piece.p,
+                    coupling: PhantomData,
+                });
             }
             Nothing
         });
@@ -361,7 +370,7 @@ where
 
     fn harden(&mut self, factor: f64) -> bool {
         let before = self.softening;
-        self.softening = (before * factor).min(1.0).max(before);
+        self.softening = (before * factor).min(HARDEST).max(before);
         self.softening > before
     }
 
@@ -383,9 +392,16 @@ where
 }
 
 /// sum V psi of the stretches in the scratch.
-fn value_of_group<const K: usize>(shared: &Shared<'_, K>, chunk: &Chunk<'_>, group: &Range<usize>, scratch: &Scratch) -> f64 {
+fn value_of_group<const K: usize>(
+    shared: &Shared<'_, K>,
+    chunk: &Chunk<'_>,
+    group: &Range<usize>,
+    scratch: &Scratch,
+) -> f64 {
     let first = chunk.global(group.start) * LANES;
-    shared.energy.value(&scratch.stretches[..group.len() * K * LANES], &shared.measure[first..first + group.len() * LANES])
+    shared
+        .energy
+        .value(&scratch.stretches[..group.len() * K * LANES], &shared.measure[first..first + group.len() * LANES])
 }
 
 impl<const D: usize, const K: usize, C: Coupling<D, K>> Elements<D, K, C>

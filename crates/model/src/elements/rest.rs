@@ -27,7 +27,9 @@ impl std::fmt::Display for ElementError {
             ElementError::Measure { element, measure } => {
                 write!(f, "element {element} has measure {measure:e} at rest; it must be positive")
             }
-            ElementError::Index { element, node } => write!(f, "element {element} names node {node}, which does not exist"),
+            ElementError::Index { element, node } => {
+                write!(f, "element {element} names node {node}, which does not exist")
+            }
         }
     }
 }

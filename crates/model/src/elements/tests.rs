@@ -30,7 +30,11 @@ fn assert_gradient(mut f: impl FnMut(&[f64]) -> f64, x: &[f64], grad: &[f64]) {
             y
         };
         let slope = (f(&at(h)) - f(&at(-h))) / (2.0 * h);
-        assert!((slope - grad[i]).abs() <= 2e-7 * scale, "entry {i}: {slope} by differences, {} by formula, scale {scale}", grad[i]);
+        assert!(
+            (slope - grad[i]).abs() <= 2e-7 * scale,
+            "entry {i}: {slope} by differences, {} by formula, scale {scale}",
+            grad[i]
+        );
     }
 }
 

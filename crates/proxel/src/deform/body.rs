@@ -48,7 +48,10 @@ impl Body {
         let tets = body.repaired_tets.as_deref().unwrap_or(&mesh.tets);
         let cells = Cells::of(mesh, tets, settings.material.energy == "spring");
         if cells.len() == 0 {
-            return Err(DeformError(format!("{}: it has no elements; give a mesh of tetrahedra, triangles or edges", body.name)));
+            return Err(DeformError(format!(
+                "{}: it has no elements; give a mesh of tetrahedra, triangles or edges",
+                body.name
+            )));
         }
         body.anchor(input, settings, &cells)?;
         body.number(mesh.points.as_slice());
@@ -104,7 +107,10 @@ impl Body {
         if settings.fix_orientation && !report.negative.is_empty() {
             let mut tets = mesh.tets.clone();
             let turned = check::fix_orientation(&mesh.points, &mut tets);
-            self.repaired.push(format!("{}: {turned} tetrahedra of negative volume were turned, the first is {} (0-based)", self.name, report.negative[0]));
+            self.repaired.push(format!(
+                "{}: {turned} tetrahedra of negative volume were turned, the first is {} (0-based)",
+                self.name, report.negative[0]
+            ));
             report = check::check_tets(&mesh.points, &tets);
             self.repaired_tets = Some(tets);
         }
@@ -236,7 +242,14 @@ impl Body {
     }
 
     /// Loads and soft springs.
-    fn quadratic(&self, input: &DeformInput, settings: &DeformSettings, cells: &Cells, rest: &[f64], number: &[u32]) -> Quadratic {
+    fn quadratic(
+        &self,
+        input: &DeformInput,
+        settings: &DeformSettings,
+        cells: &Cells,
+        rest: &[f64],
+        number: &[u32],
+    ) -> Quadratic {
         let weighs = settings.density > 0.0 && settings.gravity != [0.0; 3];
         let mut loads = Vec::new();
         if weighs || !input.loads.is_empty() {
@@ -308,7 +321,11 @@ impl Body {
     pub fn explain(&self, e: &SystemError) -> String {
         match e {
             SystemError::Singular { node } => {
-                format!("{}: {}", self.name, SystemError::Singular { node: self.order.get(*node).map_or(*node, |v| *v as usize) })
+                format!(
+                    "{}: {}",
+                    self.name,
+                    SystemError::Singular { node: self.order.get(*node).map_or(*node, |v| *v as usize) }
+                )
             }
             SystemError::Factor(_) => format!("{}: {e}", self.name),
         }
@@ -320,10 +337,15 @@ fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), Deform
     for (what, positions) in [("start", &input.start), ("reference", &input.reference)] {
         let Some(positions) = positions else { continue };
         if positions.len() != n {
-            return Err(DeformError(format!("{name}: it has {n} vertices, the {what} {}; give a {what} of the same mesh", positions.len())));
+            return Err(DeformError(format!(
+                "{name}: it has {n} vertices, the {what} {}; give a {what} of the same mesh",
+                positions.len()
+            )));
         }
         if let Some(v) = positions.iter().position(|p| p.iter().any(|c| !c.is_finite())) {
-            return Err(DeformError(format!("{name}: a coordinate of vertex {v} (0-based) of the {what} is not finite; replace it")));
+            return Err(DeformError(format!(
+                "{name}: a coordinate of vertex {v} (0-based) of the {what} is not finite; replace it"
+            )));
         }
     }
     let vectors = input.fixed.iter().map(|(v, p)| ("pin", *v, *p));
@@ -331,14 +353,21 @@ fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), Deform
     let vectors = vectors.chain(input.loads.iter().map(|(v, p)| ("load", *v, *p)));
     for (what, v, vector) in vectors {
         if v as usize >= n {
-            return Err(DeformError(format!("{name}: a {what} names vertex {v}, the {n} vertices are numbered 0 to {}; correct it", n.max(1) - 1)));
+            return Err(DeformError(format!(
+                "{name}: a {what} names vertex {v}, the {n} vertices are numbered 0 to {}; correct it",
+                n.max(1) - 1
+            )));
         }
         if vector.iter().any(|c| !c.is_finite()) {
-            return Err(DeformError(format!("{name}: the {what} at vertex {v} (0-based) has a number that is not finite; replace it")));
+            return Err(DeformError(format!(
+                "{name}: the {what} at vertex {v} (0-based) has a number that is not finite; replace it"
+            )));
         }
     }
     if let Some((v, _, k)) = input.soft.iter().find(|(_, _, k)| !(*k >= 0.0 && k.is_finite())) {
-        return Err(DeformError(format!("{name}: the soft spring at vertex {v} (0-based) has stiffness {k}; it must not be negative")));
+        return Err(DeformError(format!(
+            "{name}: the soft spring at vertex {v} (0-based) has stiffness {k}; it must not be negative"
+        )));
     }
     Ok(())
 }

@@ -89,7 +89,9 @@ impl Cells {
         }
         groups
             .into_iter()
-            .map(|(region, elements)| (region.and_then(|r| settings.materials.get(&r)).unwrap_or(&settings.material), elements))
+            .map(|(region, elements)| {
+                (region.and_then(|r| settings.materials.get(&r)).unwrap_or(&settings.material), elements)
+            })
             .collect()
     }
 }
@@ -129,7 +131,11 @@ where
         let barrier = E::PROX_POSITIVE;
         let signed = admm.local_frame == LocalFrame::SingularValues;
         let term: Box<dyn Term> = match self.settings.method.is_rotation_aware() {
-            true => Box::new(Elements::<D, K, Polar>::new(self.rest, energy, base).with_singular_values(signed).with_softening(softening)),
+            true => Box::new(
+                Elements::<D, K, Polar>::new(self.rest, energy, base)
+                    .with_singular_values(signed)
+                    .with_softening(softening),
+            ),
             false => Box::new(Elements::<D, K, Linear>::new(self.rest, energy, base).with_softening(softening)),
         };
         Built { term, barrier }
@@ -152,9 +158,13 @@ pub(super) fn build(
     let elements: Vec<u32> =
         chosen.iter().flat_map(|e| &corners[e * size..(e + 1) * size]).map(|v| number[*v as usize]).collect();
     let refuse = |e: proxel_model::elements::ElementError| {
-        let proxel_model::elements::ElementError::Measure { element, measure } = e else { return DeformError(e.to_string()) };
+        let proxel_model::elements::ElementError::Measure { element, measure } = e else {
+            return DeformError(e.to_string());
+        };
         let (noun, index) = (cells.noun(), chosen[element]);
-        DeformError(format!("{name}: {noun} {index} (0-based) has size {measure:e} at rest; move its vertices apart or remove it"))
+        DeformError(format!(
+            "{name}: {noun} {index} (0-based) has size {measure:e} at rest; move its vertices apart or remove it"
+        ))
     };
     let unknown = |e: proxel_model::energy::UnknownEnergy| DeformError(format!("{e} (--material)"));
     let energy = material.energy.as_str();
@@ -178,7 +188,8 @@ pub(super) fn build(
 pub(super) fn measures(cells: &Cells, x: &[f64]) -> Vec<f64> {
     let at = |v: u32| -> [f64; 3] { std::array::from_fn(|d| x[v as usize * 3 + d]) };
     let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|d| a[d] - b[d]) };
-    let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|d| a[d] * b[d]).sum::<f64>();
     match cells {
         Cells::Tets(c) => c

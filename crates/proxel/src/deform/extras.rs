@@ -33,7 +33,13 @@ impl Extras {
         fields.point("displacement", 3, flat(&self.displacement));
         fields.point("reaction_force", 3, flat(&self.reaction));
         fields.point("pinned", 1, self.pinned.clone());
-        let held = if !mesh.tets.is_empty() { mesh.tets.len() } else if !mesh.faces.is_empty() { mesh.faces.len() } else { mesh.edges.len() };
+        let held = if !mesh.tets.is_empty() {
+            mesh.tets.len()
+        } else if !mesh.faces.is_empty() {
+            mesh.faces.len()
+        } else {
+            mesh.edges.len()
+        };
         if held == self.energy_density.len() {
             fields.cell("stretches", 3, flat(&self.stretches));
             fields.cell("energy_density", 1, self.energy_density.clone());
@@ -50,9 +56,11 @@ impl Extras {
 pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformation) -> Result<Extras, DeformError> {
     let mesh = &input.rest;
     let n = mesh.n_verts();
-    let cells = Cells::of(mesh, result.repaired_tets.as_deref().unwrap_or(&mesh.tets), settings.material.energy == "spring");
+    let cells =
+        Cells::of(mesh, result.repaired_tets.as_deref().unwrap_or(&mesh.tets), settings.material.energy == "spring");
     let identity: Vec<u32> = (0..n as u32).collect();
-    let center = mesh.bounding_box().map_or([0.0; 3], |(low, high)| std::array::from_fn(|d| low[d] / 2.0 + high[d] / 2.0));
+    let center =
+        mesh.bounding_box().map_or([0.0; 3], |(low, high)| std::array::from_fn(|d| low[d] / 2.0 + high[d] / 2.0));
     let centred = |p: &[[f64; 3]]| -> Vec<f64> { p.iter().flat_map(|p| (0..3).map(|d| p[d] - center[d])).collect() };
     let (rest, x) = (centred(&mesh.points), centred(&result.positions));
     let mut out = Extras {
@@ -60,29 +68,38 @@ pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformati
         energy_density: vec![0.0; cells.len()],
         von_mises: vec![0.0; cells.len()],
         reaction: vec![[0.0; 3]; n],
-        displacement: mesh.points.iter().zip(&result.positions).map(|(a, b)| std::array::from_fn(|d| b[d] - a[d])).collect(),
+        displacement: mesh
+            .points
+            .iter()
+            .zip(&result.positions)
+            .map(|(a, b)| std::array::from_fn(|d| b[d] - a[d]))
+            .collect(),
         pinned: vec![0.0; n],
     };
     let mut forces = vec![[0.0; 3]; n];
     for (material, chosen) in cells.by_material(mesh, settings) {
         let lame = material.lame().map_err(|e| DeformError(e.to_string()))?;
         let size = cells.size();
-        let corners: Vec<u32> = chosen.iter().flat_map(|e| &cells.corners()[e * size..(e + 1) * size]).copied().collect();
+        let corners: Vec<u32> =
+            chosen.iter().flat_map(|e| &cells.corners()[e * size..(e + 1) * size]).copied().collect();
         let refuse = |e: proxel_model::elements::ElementError| DeformError(e.to_string());
         let unknown = |e: proxel_model::energy::UnknownEnergy| DeformError(e.to_string());
         let name = material.energy.as_str();
         match &cells {
             Cells::Tets(_) => {
                 let rest = Rest::<3, 3>::new(&rest, &corners).map_err(refuse)?;
-                visit_3d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces }).map_err(unknown)?;
+                visit_3d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces })
+                    .map_err(unknown)?;
             }
             Cells::Triangles(_) => {
                 let rest = Rest::<3, 2>::new(&rest, &corners).map_err(refuse)?;
-                visit_2d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces }).map_err(unknown)?;
+                visit_2d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces })
+                    .map_err(unknown)?;
             }
             Cells::Springs(_) => {
                 let rest = Rest::<3, 1>::new(&rest, &corners).map_err(refuse)?;
-                visit_1d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces }).map_err(unknown)?;
+                visit_1d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces })
+                    .map_err(unknown)?;
             }
         }
     }

@@ -16,7 +16,10 @@ pub use watch::{Hooks, Progress};
 use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
-use proxel_split::{Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome, Problem, Residuals, Status};
+use proxel_split::{
+    Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome, Problem,
+    Residuals, Status,
+};
 use std::time::Instant;
 
 /// What is to be deformed, and how it is held.
@@ -73,7 +76,11 @@ pub struct Deformation {
 ///
 /// # Errors
 /// Input that describes no problem. A run that does not converge is no error: see [`Deformation::status`].
-pub fn deform(input: &DeformInput, settings: &DeformSettings, hooks: &mut Hooks<'_>) -> Result<Deformation, DeformError> {
+pub fn deform(
+    input: &DeformInput,
+    settings: &DeformSettings,
+    hooks: &mut Hooks<'_>,
+) -> Result<Deformation, DeformError> {
     settings.check().map_err(DeformError)?;
     let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
     let pool = rayon::ThreadPoolBuilder::new()
@@ -84,7 +91,12 @@ pub fn deform(input: &DeformInput, settings: &DeformSettings, hooks: &mut Hooks<
     pool.install(|| deform_here(input, settings, hooks, threads))
 }
 
-fn deform_here(input: &DeformInput, settings: &DeformSettings, hooks: &mut Hooks<'_>, threads: usize) -> Result<Deformation, DeformError> {
+fn deform_here(
+    input: &DeformInput,
+    settings: &DeformSettings,
+    hooks: &mut Hooks<'_>,
+    threads: usize,
+) -> Result<Deformation, DeformError> {
     let began = Instant::now();
     let mut body = Body::new(input, settings)?;
     let problem = body.take_problem();
@@ -164,7 +176,15 @@ impl Finished {
             is_last: true,
             last: Default::default(),
         };
-        Finished { outcome, problem, reference_gradient: 0.0, residuals: Residuals { primal: 0.0, dual: 0.0 }, factor_bytes: 0, setup: 0.0, solve: 0.0 }
+        Finished {
+            outcome,
+            problem,
+            reference_gradient: 0.0,
+            residuals: Residuals { primal: 0.0, dual: 0.0 },
+            factor_bytes: 0,
+            setup: 0.0,
+            solve: 0.0,
+        }
     }
 }
 
@@ -179,7 +199,13 @@ fn method(problem: Problem, settings: &DeformSettings) -> Result<Admm, proxel_sp
     Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting })
 }
 
-fn solve(body: &Body, problem: Problem, settings: &DeformSettings, hooks: &mut Hooks<'_>, began: Instant) -> Result<Finished, DeformError> {
+fn solve(
+    body: &Body,
+    problem: Problem,
+    settings: &DeformSettings,
+    hooks: &mut Hooks<'_>,
+    began: Instant,
+) -> Result<Finished, DeformError> {
     let mut method = method(problem, settings).map_err(|e| DeformError(body.explain(&e)))?;
     let setup = began.elapsed().as_secs_f64();
     let mut tolerance = GradientTolerance::new(settings.tol, &mut method);
@@ -188,7 +214,8 @@ fn solve(body: &Body, problem: Problem, settings: &DeformSettings, hooks: &mut H
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
     let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
-    let outcome = proxel_split::run(&mut method, &mut [&mut tolerance, &mut cancel, &mut time, &mut limit], &mut watcher);
+    let outcome =
+        proxel_split::run(&mut method, &mut [&mut tolerance, &mut cancel, &mut time, &mut limit], &mut watcher);
     let factor_bytes = method.normal().factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
     let residuals = method.residuals();

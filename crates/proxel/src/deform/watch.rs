@@ -52,7 +52,12 @@ impl Observer for Watcher<'_, '_> {
         let seconds = (now - self.began).saturating_sub(self.watching).as_secs_f64();
         if let Some(progress) = self.hooks.progress.as_deref_mut() {
             let energy = method.energy();
-            progress(&Progress { iteration: report.iteration, seconds, energy: energy.value, inverted: energy.inverted });
+            progress(&Progress {
+                iteration: report.iteration,
+                seconds,
+                energy: energy.value,
+                inverted: energy.inverted,
+            });
         }
         if let Some(trace) = self.hooks.trace.as_deref_mut() {
             let evaluation = method.evaluate();

@@ -127,7 +127,9 @@ impl View {
         let d = sub(p, self.eye);
         let depth = -dot(d, self.axes[2]);
         let s = self.focal * self.unit / depth;
-        (depth > 1e-6).then(|| [self.center[0] + s * dot(d, self.axes[0]), self.center[1] - s * dot(d, self.axes[1]), 1.0 / depth])
+        (depth > 1e-6).then(|| {
+            [self.center[0] + s * dot(d, self.axes[0]), self.center[1] - s * dot(d, self.axes[1]), 1.0 / depth]
+        })
     }
 
     /// The direction from the eye through a sample.
