@@ -119,6 +119,22 @@ impl Chunks {
         (0..self.corners).map(move |k| self.nodes[first + self.local[(b * self.corners + k) * LANES + lane] as usize])
     }
 
+    /// Positions of nodes (flat, `dim` numbers each) by slot.
+    pub fn positions(&self, x: &[f64], dim: usize) -> Vec<f64> {
+        self.nodes.iter().flat_map(|node| &x[*node as usize * dim..][..dim]).copied().collect()
+    }
+
+    /// The slots of the element at `place` of the sorted order; the first of its chunk past its corners.
+    pub fn slots(&self, place: usize) -> [usize; 4] {
+        let (b, lane) = (place / LANES, place % LANES);
+        let first = self.starts[b / BLOCKS] as usize;
+        let mut slots = [first; 4];
+        for (k, slot) in slots.iter_mut().enumerate().take(self.corners) {
+            *slot += self.local[(b * self.corners + k) * LANES + lane] as usize;
+        }
+        slots
+    }
+
     /// grad_i += sum of node i's partial sums, for the nodes that `grad` covers.
     pub fn add_partials<const D: usize>(&self, partials: &[f64], grad: &mut [f64]) {
         let covered = (grad.len() / D).min(self.gather.len() - 1);

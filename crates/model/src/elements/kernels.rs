@@ -49,12 +49,60 @@ fn corner<I: Isa, const D: usize>(near: &[f64], local: &[u16], k: usize) -> [F8<
     out
 }
 
+/// a x b of vectors of space.
+#[inline(always)]
+fn cross<I: Isa, const D: usize>(a: &[F8<I>; D], b: &[F8<I>; D]) -> [F8<I>; 3] {
+    [
+        a[1].mul_add(b[2], -(a[2] * b[1])),
+        a[2].mul_add(b[0], -(a[0] * b[2])),
+        a[0].mul_add(b[1], -(a[1] * b[0])),
+    ]
+}
+
+/// The rows g_k of the inverse rest edges of block b of a chunk. Those of tetrahedra are worked out from the rest
+/// positions, since their nine numbers cost more to read than to compute; others are kept.
+#[inline(always)]
+fn inverse_edges<I: Isa, const D: usize, const K: usize>(
+    shared: &Shared<'_, K>,
+    chunk: &Chunk<'_>,
+    b: usize,
+) -> [[F8<I>; K]; K] {
+    let mut rows = [[F8::zero(); K]; K];
+    if K == 3 && D == 3 {
+        let (rest, local) = (chunk.rest(shared.rest, D), chunk.local(b));
+        let origin = corner::<I, D>(rest, local, 0);
+        let mut edges = [[F8::<I>::zero(); D]; K];
+        for k in 0..K {
+            let at = corner::<I, D>(rest, local, k + 1);
+            for d in 0..D {
+                edges[k][d] = at[d] - origin[d];
+            }
+        }
+        let normals = [cross(&edges[1], &edges[2]), cross(&edges[2], &edges[0]), cross(&edges[0], &edges[1])];
+        let volume = edges[0][0].mul_add(normals[0][0], edges[0][1].mul_add(normals[0][1], edges[0][2] * normals[0][2]));
+        let scale = volume.recip();
+        for k in 0..K {
+            for c in 0..K {
+                rows[k][c] = normals[k][c] * scale;
+            }
+        }
+        return rows;
+    }
+    let kept = block(shared.inverse, chunk.global(b), K * K);
+    for k in 0..K {
+        for c in 0..K {
+            rows[k][c] = F8::load_at(kept, k * K + c);
+        }
+    }
+    rows
+}
+
 /// F = sum_k (x_k - x_0) g_k^T with g_k the rows of the inverse rest edges.
 #[inline(always)]
 fn deformation_gradient<I: Isa, const D: usize, const K: usize>(
     near: &[f64],
     local: &[u16],
-    inverse: &[f64],
+    inverse: &[[F8<I>; K]; K],
 ) -> [[F8<I>; K]; D] {
     let origin = corner::<I, D>(near, local, 0);
     let mut f = [[F8::zero(); K]; D];
@@ -63,7 +111,7 @@ fn deformation_gradient<I: Isa, const D: usize, const K: usize>(
         for d in 0..D {
             let edge = at[d] - origin[d];
             for c in 0..K {
-                f[d][c] = edge.mul_add(F8::load_at(inverse, k * K + c), f[d][c]);
+                f[d][c] = edge.mul_add(inverse[k][c], f[d][c]);
             }
         }
     }
@@ -75,7 +123,7 @@ fn deformation_gradient<I: Isa, const D: usize, const K: usize>(
 fn add_forces<I: Isa, const D: usize, const K: usize>(
     p: &[[F8<I>; K]; D],
     scale: F8<I>,
-    inverse: &[f64],
+    inverse: &[[F8<I>; K]; K],
     local: &[u16],
     partials: &mut [f64],
 ) {
@@ -87,9 +135,9 @@ fn add_forces<I: Isa, const D: usize, const K: usize>(
             let f = if corner == 0 {
                 origin[d]
             } else {
-                let mut f = p[d][0] * F8::load_at(inverse, k * K);
+                let mut f = p[d][0] * inverse[k][0];
                 for c in 1..K {
-                    f = p[d][c].mul_add(F8::load_at(inverse, k * K + c), f);
+                    f = p[d][c].mul_add(inverse[k][c], f);
                 }
                 let f = f * scale;
                 origin[d] -= f;
@@ -114,8 +162,8 @@ fn visit<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(
     chunk: &Chunk<'_>,
     b: usize,
 ) -> C::At<F8<I>> {
-    let inverse = block(shared.inverse, chunk.global(b), K * K);
-    C::visit(deformation_gradient(chunk.near(), chunk.local(b), inverse))
+    let inverse = inverse_edges::<I, D, K>(shared, chunk, b);
+    C::visit(deformation_gradient(chunk.near(), chunk.local(b), &inverse))
 }
 
 /// out <- c(Dx) over the blocks of a group.
@@ -251,8 +299,8 @@ where
             C::store(&u, u_at);
             let at = C::kept::<I>(block(&self.scratch.at, place, KEPT));
             objective = C::norm2(&C::subtract(&C::couple(&at), &p)).mul_add(weight2 * 0.5, objective);
-            let inverse = block(s.inverse, global, K * K);
-            add_forces(&C::penalty_gradient(&at, &p), weight2, inverse, self.chunk.local(b), self.partials);
+            let inverse = inverse_edges::<I, D, K>(s, self.chunk, b);
+            add_forces(&C::penalty_gradient(&at, &p), weight2, &inverse, self.chunk.local(b), self.partials);
         }
         LocalReport {
             penalty_after: penalty.sum(),
@@ -289,8 +337,8 @@ where
             let at = visit::<I, C, D, K>(s, self.chunk, b);
             let p = C::load::<I>(block(s.p, global, C::LOCAL));
             value = C::norm2(&C::subtract(&C::couple(&at), &p)).mul_add(weight2 * 0.5, value);
-            let inverse = block(s.inverse, global, K * K);
-            add_forces(&C::penalty_gradient(&at, &p), weight2, inverse, self.chunk.local(b), self.partials);
+            let inverse = inverse_edges::<I, D, K>(s, self.chunk, b);
+            add_forces(&C::penalty_gradient(&at, &p), weight2, &inverse, self.chunk.local(b), self.partials);
             if C::DECOMPOSES {
                 let d: Decomposed<F8<I>, D, K> = C::decomposed(&at);
                 range.add(&d.s, global, s.chunks.n_elems());
@@ -390,8 +438,8 @@ impl<const D: usize, const K: usize> Kernel for EnergyOut<'_, D, K> {
                 d.s[i] = F8::load_at(&self.scratch.stretches, place * K + i);
             }
             let stress = compose(&d.u, &d.s, &d.v);
-            let inverse = block(self.shared.inverse, global, K * K);
-            add_forces(&stress, F8::load_at(self.shared.measure, global), inverse, self.chunk.local(b), self.partials);
+            let inverse = inverse_edges::<I, D, K>(self.shared, self.chunk, b);
+            add_forces(&stress, F8::load_at(self.shared.measure, global), &inverse, self.chunk.local(b), self.partials);
         }
     }
 }

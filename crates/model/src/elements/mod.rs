@@ -41,7 +41,8 @@ pub struct Elements<const D: usize, const K: usize, C> {
     chunks: Chunks,
     energy: Arc<dyn Density<K>>,
     base: f64,             // squared base weight over measure
-    inverse: Vec<f64>,     // [block][K][K][lane]: inverse of the rest edges
+    inverse: Vec<f64>,     // [block][K][K][lane]: inverse of the rest edges, empty for tetrahedra
+    rest: Vec<f64>,        // chunk-local rest positions, for tetrahedra
     measure: Vec<f64>,     // [block][lane]
     weight2: Vec<f64>,     // [block][lane]: w^2
     proposed: Vec<f64>,    // [block][lane]: candidate w^2, filled when first asked for
@@ -61,13 +62,14 @@ where
     pub fn new(rest: &Rest<D, K>, energy: impl Density<K> + 'static, base: f64) -> Self {
         let chunks = Chunks::new(rest.elements(), K + 1, rest.keys());
         let n_blocks = chunks.n_blocks();
-        let mut inverse = vec![0.0; n_blocks * K * K * LANES];
+        let computed = K == 3 && D == 3; // see `kernels::inverse_edges`
+        let mut inverse = vec![0.0; if computed { 0 } else { n_blocks * K * K * LANES }];
         let mut measure = vec![0.0; n_blocks * LANES];
         for place in 0..n_blocks * LANES {
             let padding = place >= chunks.n_elems();
             let e = chunks.order[place.min(chunks.n_elems() - 1)] as usize;
             let (b, lane) = (place / LANES, place % LANES);
-            for (k, row) in rest.inverse(e).iter().enumerate() {
+            for (k, row) in rest.inverse(e).iter().enumerate().filter(|_| !computed) {
                 for (c, v) in row.iter().enumerate() {
                     inverse[((b * K + k) * K + c) * LANES + lane] = *v;
                 }
@@ -80,6 +82,7 @@ where
             energy: Arc::new(energy),
             base,
             inverse,
+            rest: if computed { chunks.positions(rest.positions(), D) } else { Vec::new() },
             measure,
             weight2,
             proposed: Vec::new(),
@@ -120,6 +123,7 @@ macro_rules! shared {
             energy: &*$self.energy,
             x: $x,
             inverse: &$self.inverse,
+            rest: &$self.rest,
             measure: &$self.measure,
             weight2: &$self.weight2,
             p: $p,
@@ -410,12 +414,23 @@ where
 {
     /// The gradients of the K + 1 barycentric coordinates of the element at `place`: rows of D_e.
     fn corner_gradients(&self, place: usize) -> [[f64; K]; 4] {
-        let inverse = block(&self.inverse, place / LANES, K * K);
-        let lane = place % LANES;
         let mut g = [[0.0; K]; 4];
+        let inverse: [[f64; K]; K] = if self.inverse.is_empty() {
+            let mut edges = [[0.0; D]; K];
+            let slots: [usize; 4] = self.chunks.slots(place);
+            for k in 0..K {
+                for d in 0..D {
+                    edges[k][d] = self.rest[slots[k + 1] * D + d] - self.rest[slots[0] * D + d];
+                }
+            }
+            rest::invert(&rest::reduce(&edges)).0
+        } else {
+            let kept = block(&self.inverse, place / LANES, K * K);
+            std::array::from_fn(|k| std::array::from_fn(|c| kept[(k * K + c) * LANES + place % LANES]))
+        };
         for k in 0..K {
             for c in 0..K {
-                g[k + 1][c] = inverse[(k * K + c) * LANES + lane];
+                g[k + 1][c] = inverse[k][c];
                 g[0][c] -= g[k + 1][c];
             }
         }

@@ -12,7 +12,8 @@ pub(super) struct Shared<'a, const K: usize> {
     pub chunks: &'a Chunks,
     pub energy: &'a dyn Density<K>,
     pub x: &'a [f64],
-    pub inverse: &'a [f64], // [block][K][K][lane]: inverse of the rest edges
+    pub inverse: &'a [f64], // [block][K][K][lane]: inverse of the rest edges, empty for tetrahedra
+    pub rest: &'a [f64],    // chunk-local rest positions, for tetrahedra
     pub measure: &'a [f64], // [block][lane]: volume, area or length at rest
     pub weight2: &'a [f64], // [block][lane]: w^2
     pub p: &'a [f64],       // where a pass only reads them
@@ -93,6 +94,7 @@ pub(super) struct Chunk<'a> {
     near: &'a [f64],
     local: &'a [u16],
     corners: usize,
+    slots: std::ops::Range<usize>,
 }
 
 impl<'a> Chunk<'a> {
@@ -101,13 +103,19 @@ impl<'a> Chunk<'a> {
         for (to, node) in near.chunks_exact_mut(dim).zip(chunks.nodes_of(index)) {
             to.copy_from_slice(&x[*node as usize * dim..][..dim]);
         }
-        Chunk { index, near, local: chunks.local_of(index), corners: chunks.corners() }
+        Chunk { index, near, local: chunks.local_of(index), corners: chunks.corners(), slots: chunks.slots_of(index) }
     }
 
     /// Chunk-local positions.
     #[inline(always)]
     pub fn near(&self) -> &[f64] {
         self.near
+    }
+
+    /// This chunk's part of rest positions, `dim` numbers a slot.
+    #[inline(always)]
+    pub fn rest<'r>(&self, rest: &'r [f64], dim: usize) -> &'r [f64] {
+        &rest[self.slots.start * dim..self.slots.end * dim]
     }
 
     /// Chunk-local nodes of a block, [corner][lane].

@@ -38,6 +38,7 @@ impl std::error::Error for ElementError {}
 
 /// Simplices of K + 1 corners at rest in D dimensions.
 pub struct Rest<const D: usize, const K: usize> {
+    positions: Vec<f64>,
     elements: Vec<u32>,
     inverse: Vec<[[f64; K]; K]>,
     measure: Vec<f64>,
@@ -53,6 +54,7 @@ impl<const D: usize, const K: usize> Rest<D, K> {
     pub fn new(positions: &[f64], elements: &[u32]) -> Result<Self, ElementError> {
         let n = elements.len() / (K + 1);
         let mut rest = Rest {
+            positions: positions.to_vec(),
             elements: elements.to_vec(),
             inverse: Vec::with_capacity(n),
             measure: Vec::with_capacity(n),
@@ -98,6 +100,11 @@ impl<const D: usize, const K: usize> Rest<D, K> {
         Ok(rest)
     }
 
+    /// Rest positions, D numbers a node.
+    pub(super) fn positions(&self) -> &[f64] {
+        &self.positions
+    }
+
     /// Nodes, K + 1 an element.
     pub fn elements(&self) -> &[u32] {
         &self.elements
@@ -121,7 +128,7 @@ impl<const D: usize, const K: usize> Rest<D, K> {
 
 /// The edges as columns of a K x K matrix: themselves where K = D, else in an orthonormal frame of their own
 /// (Gram-Schmidt).
-fn reduce<const D: usize, const K: usize>(edges: &[[f64; D]; K]) -> [[f64; K]; K] {
+pub(super) fn reduce<const D: usize, const K: usize>(edges: &[[f64; D]; K]) -> [[f64; K]; K] {
     let mut out = [[0.0; K]; K];
     if D == K {
         for (c, edge) in edges.iter().enumerate() {
@@ -149,7 +156,7 @@ fn reduce<const D: usize, const K: usize>(edges: &[[f64; D]; K]) -> [[f64; K]; K
 }
 
 /// Inverse and determinant of a matrix of at most 3 x 3.
-fn invert<const K: usize>(a: &[[f64; K]; K]) -> ([[f64; K]; K], f64) {
+pub(super) fn invert<const K: usize>(a: &[[f64; K]; K]) -> ([[f64; K]; K], f64) {
     let mut inverse = [[0.0; K]; K];
     let determinant = match K {
         1 => {
