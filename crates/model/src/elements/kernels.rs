@@ -52,11 +52,7 @@ fn corner<I: Isa, const D: usize>(near: &[f64], local: &[u16], k: usize) -> [F8<
 /// a x b of vectors of space.
 #[inline(always)]
 fn cross<I: Isa, const D: usize>(a: &[F8<I>; D], b: &[F8<I>; D]) -> [F8<I>; 3] {
-    [
-        a[1].mul_add(b[2], -(a[2] * b[1])),
-        a[2].mul_add(b[0], -(a[0] * b[2])),
-        a[0].mul_add(b[1], -(a[1] * b[0])),
-    ]
+    [a[1].mul_add(b[2], -(a[2] * b[1])), a[2].mul_add(b[0], -(a[0] * b[2])), a[0].mul_add(b[1], -(a[1] * b[0]))]
 }
 
 /// The rows g_k of the inverse rest edges of block b of a chunk. Those of tetrahedra are worked out from the rest
@@ -79,7 +75,8 @@ fn inverse_edges<I: Isa, const D: usize, const K: usize>(
             }
         }
         let normals = [cross(&edges[1], &edges[2]), cross(&edges[2], &edges[0]), cross(&edges[0], &edges[1])];
-        let volume = edges[0][0].mul_add(normals[0][0], edges[0][1].mul_add(normals[0][1], edges[0][2] * normals[0][2]));
+        let volume =
+            edges[0][0].mul_add(normals[0][0], edges[0][1].mul_add(normals[0][1], edges[0][2] * normals[0][2]));
         let scale = volume.recip();
         for k in 0..K {
             for c in 0..K {
