@@ -68,8 +68,7 @@ fn iterations_to_1e_4_are_at_most_the_published_ones() {
 
 #[test]
 fn the_default_method_ends_at_the_known_minimum() {
-    for (model, energy) in [("shear", 1375065.960462792), ("stretch", 12851085.85449005), ("homer", 1858.721713868060)]
-    {
+    for (model, energy) in [("shear", 1375065.960462792), ("stretch", 12851085.85449005), ("homer", 1858.72171386806)] {
         let Some(folder) = folder(model) else { continue };
         let result = deform(&input(&folder), &DeformSettings::default(), &mut Hooks::default()).expect("good input");
         let report = &result.report;
