@@ -62,7 +62,8 @@ pub enum Schedule {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BaseWeight {
-    /// The slope fit where weights are dynamic; the rest Hessian, which is larger and safer, where they stay.
+    /// The slope fit where weights are dynamic, half of it where the coupling is linear (rotations are what it is slow in,
+    /// and they ask for soft weights); the rest Hessian, which is larger and safer, where weights stay.
     Auto,
     /// The largest eigenvalue of the Hessian at rest, W(21).
     RestHessian,

@@ -79,8 +79,8 @@ impl Admm {
         if let Some(rule) = &reweighting.hardening
             && self.settling.has_stopped(self.moved2, rule)
         {
-            for term in &mut self.problem.terms {
-                hardened |= term.harden(rule.factor);
+            for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
+                hardened |= term.harden(rule, &self.x, p, u);
             }
         }
         let ratio = self.problem.terms.iter_mut().map(|term| term.propose_weights(range)).fold(1.0, f64::max);

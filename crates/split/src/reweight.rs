@@ -34,7 +34,8 @@ impl Range {
 }
 
 /// Weights below the local stiffness are faster where they converge, and may run in circles where they do not: when the
-/// local variables have stopped settling, candidate weights are raised and taken at once.
+/// local variables have stopped settling, the candidate weights of the elements that keep them from it are raised, and
+/// taken at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hardening {
     /// Iterations that are judged together.
@@ -43,11 +44,15 @@ pub struct Hardening {
     pub required: f64,
     /// Factor of the candidate weights where it does not.
     pub factor: f64,
+    /// Raised are elements whose w^2 |c(Dx) - z|^2 is at least this many times the mean of their term, or
+    /// half of the largest.
+    pub above: f64,
 }
 
 impl Default for Hardening {
     fn default() -> Self {
-        Hardening { window: 10, required: 0.9, factor: 1.6 }
+        // A slow method falls slowly and is left alone; one that runs in a circle does not fall.
+        Hardening { window: 10, required: 1.0, factor: 1.6, above: 10.0 }
     }
 }
 
@@ -102,7 +107,7 @@ mod tests {
 
     #[test]
     fn settling_is_judged_by_windows() {
-        let rule = Hardening { window: 2, required: 0.8, factor: 1.6 };
+        let rule = Hardening { window: 2, required: 0.8, ..Default::default() };
         let mut settling = Settling::default();
         let verdicts: Vec<bool> =
             [4.0, 4.0, 2.0, 2.0, 2.0, 1.5, 9.0, 9.0].map(|m| settling.has_stopped(m, &rule)).to_vec();

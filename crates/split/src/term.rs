@@ -1,5 +1,6 @@
 //! What the splitting needs to know of a batch of like elements.
 
+use crate::Hardening;
 use proxel_linalg::sparse::SymPattern;
 
 /// What a local step did, summed over the elements of a batch.
@@ -155,8 +156,9 @@ pub trait Term: Send + Sync {
     /// the largest ratio max(w_cand^2/w^2, w^2/w_cand^2), W(23).
     fn propose_weights(&mut self, range: (f64, f64)) -> f64;
 
-    /// Raises the candidate weights of the future by a factor, up to a limit of the term; false where they are there.
-    fn harden(&mut self, factor: f64) -> bool;
+    /// Raises the candidate weights, from now on, of the elements that the rule means, up to a limit of the term; false
+    /// where all of them are there.
+    fn harden(&mut self, rule: &Hardening, x: &[f64], p: &[f64], u: &[f64]) -> bool;
 
     /// Takes the candidate weights and scales u by w^2/w_cand^2, so that w^2 u, the force, stays; z stays, p follows.
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]);

@@ -441,11 +441,12 @@ impl<const D: usize, const K: usize> Kernel for EnergyOut<'_, D, K> {
     }
 }
 
-/// sum w^2 |c(Dx) - z|^2 and sum w^2 |z|^2.
+/// sum w^2 |c(Dx) - z|^2 and sum w^2 |z|^2; the former element by element where there is room for it.
 pub(super) struct Gap<'a, C, const D: usize, const K: usize> {
     pub shared: &'a Shared<'a, K>,
     pub chunk: &'a Chunk<'a>,
     pub group: Range<usize>,
+    pub out: &'a mut [f64],
     pub coupling: PhantomData<C>,
 }
 
@@ -463,7 +464,11 @@ where
             let weight2 = F8::<I>::load_at(s.weight2, global);
             let c = C::couple(&visit::<I, C, D, K>(s, self.chunk, b));
             let z = C::add(&C::load::<I>(block(s.p, global, C::LOCAL)), &C::load::<I>(block(s.u, global, C::LOCAL)));
-            gap2 = C::norm2(&C::subtract(&c, &z)).mul_add(weight2, gap2);
+            let own = C::norm2(&C::subtract(&c, &z)) * weight2;
+            if !self.out.is_empty() {
+                own.store_at(self.out, b);
+            }
+            gap2 += own;
             size2 = C::norm2(&z).mul_add(weight2, size2);
         }
         Residual { gap2: gap2.sum(), size2: size2.sum() }

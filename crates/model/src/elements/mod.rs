@@ -22,7 +22,7 @@ use kernels::{Couple, EnergyIn, EnergyOut, Gap, LocalIn, LocalOut, Penalty, Scra
 use passes::{Chunk, Largest, Nothing, Piece, Shared, Sizes, over_chunks};
 use proxel_linalg::simd::{LANES, dispatch};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{EnergyReport, LocalReport, PenaltyReport, Residual, Term};
+use proxel_split::{EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Term};
 use shape::block;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -33,7 +33,7 @@ use std::sync::Arc;
 const PADDING: f64 = f64::from_bits((1023 - 600) << 52);
 
 /// Candidate weights are never hardened past this part of V K_e.
-const HARDEST: f64 = 4.0;
+const HARDEST: f32 = 4.0;
 
 /// sum_e V_e psi(F_e) over simplices with D x K deformation gradients (tetrahedra 3 x 3, triangles in space 3 x 2 or in
 /// the plane 2 x 2, springs D x 1), split by the coupling C.
@@ -51,6 +51,7 @@ pub struct Elements<const D: usize, const K: usize, C> {
     partials: Vec<f64>,    // chunk-local sums of forces
     singular_values: bool, // see `with_singular_values`
     softening: f64,        // see `with_softening`
+    hardened: Vec<f32>,    // [block][lane]: what hardening made of it, empty until then
     coupling: PhantomData<C>,
 }
 
@@ -92,6 +93,7 @@ where
             chunks,
             singular_values: false,
             softening: 1.0,
+            hardened: Vec::new(),
             coupling: PhantomData,
         }
     }
@@ -293,17 +295,7 @@ where
     }
 
     fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual {
-        let range = self.all_chunks();
-        let shared = shared!(self, x: x, p: p, u: u);
-        let piece = Piece { near: &mut self.near, ..Default::default() };
-        over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
-            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
-            let mut residual = Residual::default();
-            for group in chunk.groups() {
-                residual += dispatch(Gap::<C, D, K> { shared: &shared, chunk: &chunk, group, coupling: PhantomData });
-            }
-            residual
-        })
+        self.gaps(x, p, u, &mut [])
     }
 
     fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -354,6 +346,7 @@ where
     fn propose_weights(&mut self, (low, high): (f64, f64)) -> f64 {
         self.proposed.resize(self.measure.len(), 0.0);
         let (low, high, softening) = (self.base * low, self.base * high, self.softening);
+        let hardened = &self.hardened;
         let range = self.all_chunks();
         let shared = shared!(self, x: &[], p: &[], u: &[]);
         let piece = Piece { warm: &mut self.warm, p: &mut self.proposed, ..Default::default() };
@@ -364,6 +357,7 @@ where
             let mut ratio = 1.0_f64;
             for (at, candidate) in piece.p.iter_mut().enumerate() {
                 let weight2 = shared.weight2[first + at];
+                let softening = hardened.get(first + at).map_or(softening, |h| f64::from(*h));
                 *candidate = (*candidate * softening).clamp(low, high) * shared.measure[first + at];
                 ratio = ratio.max(*candidate / weight2).max(weight2 / *candidate);
             }
@@ -372,10 +366,23 @@ where
         ratio
     }
 
-    fn harden(&mut self, factor: f64) -> bool {
-        let before = self.softening;
-        self.softening = (before * factor).min(HARDEST).max(before);
-        self.softening > before
+    fn harden(&mut self, rule: &Hardening, x: &[f64], p: &[f64], u: &[f64]) -> bool {
+        let mut gaps = std::mem::take(&mut self.proposed);
+        gaps.resize(self.measure.len(), 0.0);
+        let total = self.gaps(x, p, u, &mut gaps).gap2;
+        self.hardened.resize(self.measure.len(), self.softening as f32);
+        let open = self.hardened.iter().zip(&gaps).filter(|(hardened, _)| **hardened < HARDEST);
+        let most = open.map(|(_, gap2)| *gap2).fold(0.0, f64::max);
+        let least = (rule.above * total / self.n_elems() as f64).min(0.5 * most);
+        let mut raised = false;
+        for (hardened, gap2) in self.hardened.iter_mut().zip(&gaps) {
+            if *gap2 >= least && *hardened < HARDEST {
+                *hardened = (*hardened * rule.factor as f32).min(HARDEST);
+                raised = true;
+            }
+        }
+        self.proposed = gaps;
+        raised
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
@@ -412,6 +419,24 @@ impl<const D: usize, const K: usize, C: Coupling<D, K>> Elements<D, K, C>
 where
     Simplex: Shape<D, K>,
 {
+    /// How far c(Dx) is from z, and w^2 |c(Dx) - z|^2 of each element, [block][lane], where there is room for it.
+    fn gaps(&mut self, x: &[f64], p: &[f64], u: &[f64], out: &mut [f64]) -> Residual {
+        let range = self.all_chunks();
+        let shared = shared!(self, x: x, p: p, u: u);
+        let piece = Piece { near: &mut self.near, p: out, ..Default::default() };
+        let sizes = Sizes { local: 1, ..Self::SIZES };
+        over_chunks(&self.chunks, piece, range, &sizes, &|c, piece| {
+            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
+            let out = piece.p;
+            let mut residual = Residual::default();
+            for group in chunk.groups() {
+                let (shared, chunk) = (&shared, &chunk);
+                residual += dispatch(Gap::<C, D, K> { shared, chunk, group, out, coupling: PhantomData });
+            }
+            residual
+        })
+    }
+
     /// The gradients of the K + 1 barycentric coordinates of the element at `place`: rows of D_e.
     fn corner_gradients(&self, place: usize) -> [[f64; K]; 4] {
         let mut g = [[0.0; K]; 4];

@@ -120,8 +120,10 @@ where
         let dynamic = self.settings.method.is_reweighted();
         let stiffness = match admm.base_weight {
             BaseWeight::RestHessian => energy.rest_stiffness(),
+            BaseWeight::Slope => energy.slope_stiffness(),
             BaseWeight::Auto if !dynamic => energy.rest_stiffness(),
-            BaseWeight::Slope | BaseWeight::Auto => energy.slope_stiffness(),
+            BaseWeight::Auto if self.settings.method.is_rotation_aware() => energy.slope_stiffness(),
+            BaseWeight::Auto => 0.5 * energy.slope_stiffness(),
         };
         let base = stiffness * admm.weight_scale;
         let softening = match admm.candidate {
