@@ -1,7 +1,7 @@
 //! Settings of `deform`, with their defaults: the one place that the command line, the library and bindings take them from.
 
 use proxel_model::energy::{Lame, MaterialError};
-use proxel_split::{Hardening, InnerStop, LbfgsSettings, Range, Reweighting};
+use proxel_split::{Hardening, InnerStop, LbfgsSettings, Precision, Range, Reweighting};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -102,6 +102,16 @@ pub enum InnerStopName {
     NextStep,
 }
 
+/// Digits of a factor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PrecisionName {
+    /// 64 bits.
+    Double,
+    /// 32 bits.
+    Single,
+}
+
 /// Settings of the splitting methods.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -130,6 +140,8 @@ pub struct AdmmSettings {
     pub max_inner: usize,
     /// Which step W(17) looks at.
     pub inner_stop: InnerStopName,
+    /// Precision of the factor that preconditions inner steps; linear couplings need it double.
+    pub precision: PrecisionName,
     /// Whether inner steps are shortened until they descend.
     pub line_search: bool,
 }
@@ -150,6 +162,7 @@ impl AdmmSettings {
             kappa: 1.0,
             max_inner: 100,
             inner_stop: InnerStopName::NextStep,
+            precision: PrecisionName::Double,
             line_search: false,
         };
         match schedule {
@@ -166,6 +179,7 @@ impl AdmmSettings {
                 base_weight: BaseWeight::Auto,
                 candidate: Candidate::Relative,
                 inner_stop: InnerStopName::StepTaken,
+                precision: PrecisionName::Single,
                 line_search: true,
                 ..paper
             },
@@ -181,6 +195,10 @@ impl AdmmSettings {
             stop: match self.inner_stop {
                 InnerStopName::StepTaken => InnerStop::StepTaken,
                 InnerStopName::NextStep => InnerStop::NextStep,
+            },
+            precision: match self.precision {
+                PrecisionName::Double => Precision::Double,
+                PrecisionName::Single => Precision::Single,
             },
             line_search: self.line_search,
         }

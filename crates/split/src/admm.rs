@@ -46,7 +46,7 @@ impl Admm {
     /// A problem that does not fit together (as [`SystemError::Factor`]) or a singular system.
     pub fn new(mut problem: Problem, settings: AdmmSettings) -> Result<Self, SystemError> {
         problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
-        let normal = NormalMatrix::new(&problem)?;
+        let normal = NormalMatrix::with_precision(&problem, settings.global.precision())?;
         let x = problem.x0.clone();
         let u: Vec<Vec<f64>> = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
         let mut p = u.clone();

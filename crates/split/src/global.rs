@@ -1,6 +1,6 @@
 //! Global steps: how the positions follow the local variables.
 
-use crate::{EnergyReport, NormalMatrix, PenaltyReport, Problem, SystemError};
+use crate::{EnergyReport, NormalMatrix, PenaltyReport, Precision, Problem, SystemError};
 
 /// The objective of the global step, W(11): f(x) + 1/2 sum w^2 |c(Dx) - p|^2 with p = z - u held fixed.
 pub struct Objective<'a> {
@@ -47,6 +47,11 @@ pub trait GlobalStep: Send {
         x: &mut [f64],
         grad: &mut Vec<f64>,
     ) -> Result<GlobalReport, SystemError>;
+
+    /// The precision that the factor of the normal matrix needs.
+    fn precision(&self) -> Precision {
+        Precision::Double
+    }
 
     /// The weights have changed: forget what was learnt under the old ones.
     fn reset(&mut self);

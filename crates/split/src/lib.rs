@@ -16,6 +16,7 @@
 
 mod admm;
 mod global;
+mod history;
 mod lbfgs;
 mod method;
 mod problem;
@@ -32,5 +33,5 @@ pub use method::{Evaluation, Method, Residuals, StepReport};
 pub use problem::{Problem, ProblemError, Quadratic};
 pub use reweight::{Hardening, Range, Reweighting};
 pub use run::{Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, Status, Stop, Verdict, run};
-pub use system::{NormalMatrix, SystemError};
+pub use system::{NormalMatrix, Precision, SystemError};
 pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Term};

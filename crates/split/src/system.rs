@@ -4,12 +4,30 @@ use crate::Problem;
 use proxel_linalg::sparse::{Cholesky, Ordering, SolveScratch, SparseError, SymPattern, Symbolic};
 use std::sync::Arc;
 
+/// Digits of a factor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// 64 bits: solves are exact to rounding.
+    #[default]
+    Double,
+    /// 32 bits: six or seven digits for half the bytes, and so half the time. Enough for the first Hessian of a
+    /// quasi-Newton method, whose gradients are exact. A matrix that 32 bits cannot factor gets 64.
+    Single,
+}
+
+/// The factor in either precision.
+enum Factor {
+    Double(Cholesky<f64>),
+    Single(Cholesky<f32>),
+}
+
 /// A = sum w^2 D^T D + springs over the free nodes, and its factor. One matrix serves every coordinate.
 pub struct NormalMatrix {
     dim: usize,
     pattern: SymPattern,
     values: Vec<f64>,
-    factor: Cholesky<f64>,
+    symbolic: Arc<Symbolic>,
+    factor: Factor,
     scratch: SolveScratch,
     refactorisations: usize,
 }
@@ -57,13 +75,25 @@ impl NormalMatrix {
     /// # Errors
     /// A singular or non-finite matrix.
     pub fn new(problem: &Problem) -> Result<Self, SystemError> {
+        Self::with_precision(problem, Precision::Double)
+    }
+
+    /// As [`Self::new`], with a factor of this precision.
+    ///
+    /// # Errors
+    /// A singular or non-finite matrix.
+    pub fn with_precision(problem: &Problem, precision: Precision) -> Result<Self, SystemError> {
         let pattern = pattern_of(problem)?;
         let symbolic = Arc::new(Symbolic::analyze(&pattern, Ordering::Auto)?);
         let mut matrix = NormalMatrix {
             dim: problem.dim,
             values: vec![0.0; pattern.nnz()],
             pattern,
-            factor: Cholesky::new(symbolic),
+            factor: match precision {
+                Precision::Double => Factor::Double(Cholesky::new(symbolic.clone())),
+                Precision::Single => Factor::Single(Cholesky::new(symbolic.clone())),
+            },
+            symbolic,
             scratch: SolveScratch::default(),
             refactorisations: 0,
         };
@@ -81,7 +111,16 @@ impl NormalMatrix {
                 self.values[slot] += k;
             }
         }
-        Ok(self.factor.refactor(&self.values)?)
+        if let Factor::Single(factor) = &mut self.factor {
+            if factor.refactor(&self.values).is_ok() {
+                return Ok(());
+            }
+            self.factor = Factor::Double(Cholesky::new(self.symbolic.clone()));
+        }
+        if let Factor::Double(factor) = &mut self.factor {
+            factor.refactor(&self.values)?;
+        }
+        Ok(())
     }
 
     /// Numbers anew, pattern as before.
@@ -93,12 +132,24 @@ impl NormalMatrix {
         self.fill_and_factor(problem)
     }
 
-    /// b <- A^-1 b, for all coordinates of the free nodes.
+    /// b <- A^-1 b, for all coordinates of the free nodes, as exactly as the factor's precision allows.
     ///
     /// # Errors
     /// A vector of another length.
     pub fn solve(&mut self, b: &mut [f64]) -> Result<(), SystemError> {
-        Ok(self.factor.solve_in_place(b, self.dim, &mut self.scratch)?)
+        match &self.factor {
+            Factor::Double(factor) => factor.solve_in_place(b, self.dim, &mut self.scratch)?,
+            Factor::Single(factor) => factor.solve_in_place(b, self.dim, &mut self.scratch)?,
+        }
+        Ok(())
+    }
+
+    /// The precision of the factor as it is.
+    pub fn precision(&self) -> Precision {
+        match self.factor {
+            Factor::Double(_) => Precision::Double,
+            Factor::Single(_) => Precision::Single,
+        }
     }
 
     /// How often the numbers were factored anew after the first time.
@@ -108,7 +159,10 @@ impl NormalMatrix {
 
     /// Bytes that the factor takes, workspace included.
     pub fn factor_bytes(&self) -> u64 {
-        let (factor, workspace) = self.factor.bytes();
+        let (factor, workspace) = match &self.factor {
+            Factor::Double(factor) => factor.bytes(),
+            Factor::Single(factor) => factor.bytes(),
+        };
         (factor + workspace) as u64
     }
 

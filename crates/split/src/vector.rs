@@ -1,6 +1,7 @@
 //! Long vectors in parallel, with the same bits on any number of threads: sums are taken over a fixed binary tree.
 
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
+use std::ops::Range;
 
 /// Below this length a vector is handled by one thread, in order.
 const LEAF: usize = 8192;
@@ -53,57 +54,50 @@ fn dot_leaf(a: &[f64], b: &[f64]) -> f64 {
     dispatch(DotLeaf(a, b))
 }
 
-/// y += c a; returns b . y, y being used while it is in a register.
-struct AddDotLeaf<'a>(&'a mut [f64], f64, &'a [f64], &'a [f64]);
-
-impl Kernel for AddDotLeaf<'_> {
-    type Output = f64;
-    #[inline(always)]
-    fn run<I: Isa>(self) -> f64 {
-        let c = F8::<I>::splat(self.1);
-        let (y, y_rest) = self.0.as_chunks_mut::<LANES>();
-        let (a, a_rest) = self.2.as_chunks::<LANES>();
-        let (b, b_rest) = self.3.as_chunks::<LANES>();
-        let mut sums = [F8::<I>::zero(); 4];
-        for i in 0..y.len() {
-            let sum = c.mul_add(F8::load(&a[i]), F8::load(&y[i]));
-            sum.store(&mut y[i]);
-            sums[i % 4] = sum.mul_add(F8::load(&b[i]), sums[i % 4]);
-        }
-        let mut rest = 0.0;
-        for i in 0..y_rest.len() {
-            y_rest[i] = self.1.mul_add(a_rest[i], y_rest[i]);
-            rest += y_rest[i] * b_rest[i];
-        }
-        ((sums[0] + sums[1]) + (sums[2] + sums[3])).sum() + rest
-    }
-}
-
 /// |a|
 pub fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// y += c a; returns b . y. One pass: the step of the two loops of L-BFGS.
-pub fn add_scaled_then_dot(y: &mut [f64], c: f64, a: &[f64], b: &[f64]) -> f64 {
-    debug_assert!(y.len() == a.len() && y.len() == b.len());
-    if y.len() <= LEAF {
-        return dispatch(AddDotLeaf(y, c, a, b));
+/// out = a + c b, or out += c b where there is no a.
+struct CombineLeaf<'a> {
+    out: &'a mut [f64],
+    a: Option<&'a [f64]>,
+    c: f64,
+    b: &'a [f64],
+}
+
+impl Kernel for CombineLeaf<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let c = F8::<I>::splat(self.c);
+        let (out, out_rest) = self.out.as_chunks_mut::<LANES>();
+        let (b, b_rest) = self.b.as_chunks::<LANES>();
+        if let Some(a) = self.a {
+            let (a, a_rest) = a.as_chunks::<LANES>();
+            for i in 0..out.len() {
+                c.mul_add(F8::load(&b[i]), F8::load(&a[i])).store(&mut out[i]);
+            }
+            for i in 0..out_rest.len() {
+                out_rest[i] = self.c.mul_add(b_rest[i], a_rest[i]);
+            }
+        } else {
+            for i in 0..out.len() {
+                c.mul_add(F8::load(&b[i]), F8::load(&out[i])).store(&mut out[i]);
+            }
+            for i in 0..out_rest.len() {
+                out_rest[i] = self.c.mul_add(b_rest[i], out_rest[i]);
+            }
+        }
     }
-    let m = middle(y.len());
-    let ((y0, y1), (a0, a1), (b0, b1)) = (y.split_at_mut(m), a.split_at(m), b.split_at(m));
-    let (l, r) = rayon::join(|| add_scaled_then_dot(y0, c, a0, b0), || add_scaled_then_dot(y1, c, a1, b1));
-    l + r
 }
 
 /// y += c a
 pub fn add_scaled(y: &mut [f64], c: f64, a: &[f64]) {
     debug_assert_eq!(y.len(), a.len());
     if y.len() <= LEAF {
-        for (y, a) in y.iter_mut().zip(a) {
-            *y += c * a;
-        }
-        return;
+        return dispatch(CombineLeaf { out: y, a: None, c, b: a });
     }
     let m = middle(y.len());
     let ((y0, y1), (a0, a1)) = (y.split_at_mut(m), a.split_at(m));
@@ -114,14 +108,115 @@ pub fn add_scaled(y: &mut [f64], c: f64, a: &[f64]) {
 pub fn subtract(out: &mut [f64], a: &[f64], b: &[f64]) {
     debug_assert!(out.len() == a.len() && a.len() == b.len());
     if out.len() <= LEAF {
-        for ((o, a), b) in out.iter_mut().zip(a).zip(b) {
-            *o = a - b;
-        }
-        return;
+        return dispatch(CombineLeaf { out, a: Some(a), c: -1.0, b });
     }
     let m = middle(out.len());
     let ((o0, o1), (a0, a1), (b0, b1)) = (out.split_at_mut(m), a.split_at(m), b.split_at(m));
     rayon::join(|| subtract(o0, a0, b0), || subtract(o1, a1, b1));
+}
+
+/// out = c a
+pub fn scale_to(out: &mut [f64], c: f64, a: &[f64]) {
+    debug_assert_eq!(out.len(), a.len());
+    if out.len() <= LEAF {
+        for i in 0..out.len() {
+            out[i] = c * a[i];
+        }
+        return;
+    }
+    let m = middle(out.len());
+    let ((o0, o1), (a0, a1)) = (out.split_at_mut(m), a.split_at(m));
+    rayon::join(|| scale_to(o0, c, a0), || scale_to(o1, c, a1));
+}
+
+/// Part of a vector that stays in the first-level cache while several others pass by.
+const TILE: usize = 1024;
+/// Vectors that are multiplied with one in a pass.
+const AT_ONCE: usize = 8;
+
+/// The pieces of `range` that are handled at a time.
+fn tiles(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+    range.clone().step_by(TILE).map(move |from| from..(from + TILE).min(range.end))
+}
+
+/// out_i = v_i . a for i = 0 .. m, with `a` read once for eight of them.
+pub fn dots<'v>(m: usize, v: &(impl Fn(usize) -> &'v [f64] + Sync), a: &[f64], out: &mut Vec<f64>) {
+    out.clear();
+    for first in (0..m).step_by(AT_ONCE) {
+        let count = (m - first).min(AT_ONCE);
+        let sums = some_dots(&|i| v(first + i), count, a, 0..a.len());
+        out.extend_from_slice(&sums[..count]);
+    }
+}
+
+fn some_dots<'v>(
+    v: &(impl Fn(usize) -> &'v [f64] + Sync),
+    count: usize,
+    a: &[f64],
+    range: Range<usize>,
+) -> [f64; AT_ONCE] {
+    let mut sums = [0.0; AT_ONCE];
+    if range.len() <= LEAF {
+        for tile in tiles(range) {
+            for (i, sum) in sums[..count].iter_mut().enumerate() {
+                *sum += dot_leaf(&v(i)[tile.clone()], &a[tile.clone()]);
+            }
+        }
+        return sums;
+    }
+    let m = range.start + middle(range.len());
+    let (l, r) = rayon::join(|| some_dots(v, count, a, range.start..m), || some_dots(v, count, a, m..range.end));
+    for i in 0..AT_ONCE {
+        sums[i] = l[i] + r[i];
+    }
+    sums
+}
+
+/// out = a - sum_i c_i v_i
+pub fn subtract_combination<'v>(out: &mut [f64], a: &[f64], c: &[f64], v: &(impl Fn(usize) -> &'v [f64] + Sync)) {
+    fn part<'v>(out: &mut [f64], from: usize, a: &[f64], c: &[f64], v: &(impl Fn(usize) -> &'v [f64] + Sync)) {
+        if out.len() > LEAF {
+            let m = middle(out.len());
+            let (o0, o1) = out.split_at_mut(m);
+            rayon::join(|| part(o0, from, a, c, v), || part(o1, from + m, a, c, v));
+            return;
+        }
+        let all = tiles(from..from + out.len());
+        for (out, tile) in out.chunks_mut(TILE).zip(all) {
+            out.copy_from_slice(&a[tile.clone()]);
+            for (i, c) in c.iter().enumerate() {
+                dispatch(CombineLeaf { out, a: None, c: -c, b: &v(i)[tile.clone()] });
+            }
+        }
+    }
+    part(out, 0, a, c, v);
+}
+
+/// y += sum_i c_i v_i; returns b . y.
+pub fn add_combination_then_dot<'v>(
+    y: &mut [f64],
+    c: &[f64],
+    v: &(impl Fn(usize) -> &'v [f64] + Sync),
+    b: &[f64],
+) -> f64 {
+    fn part<'v>(y: &mut [f64], from: usize, c: &[f64], v: &(impl Fn(usize) -> &'v [f64] + Sync), b: &[f64]) -> f64 {
+        if y.len() > LEAF {
+            let m = middle(y.len());
+            let (y0, y1) = y.split_at_mut(m);
+            let (l, r) = rayon::join(|| part(y0, from, c, v, b), || part(y1, from + m, c, v, b));
+            return l + r;
+        }
+        let mut sum = 0.0;
+        let all = tiles(from..from + y.len());
+        for (y, tile) in y.chunks_mut(TILE).zip(all) {
+            for (i, c) in c.iter().enumerate() {
+                dispatch(CombineLeaf { out: y, a: None, c: *c, b: &v(i)[tile.clone()] });
+            }
+            sum += dot_leaf(y, &b[tile]);
+        }
+        sum
+    }
+    part(y, 0, c, v, b)
 }
 
 /// Whether every entry is a finite number.
@@ -150,17 +245,31 @@ mod tests {
             let want: f64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
             let scale = norm(&a) * norm(&b) + 1e-300;
             assert!((dot(&a, &b) - want).abs() <= 1e-13 * scale, "n = {n}");
+            let (c, d) = (sample(n, 3), sample(n, 4));
+            let three = |i: usize| [&b, &c, &d][i].as_slice();
             let mut y = a.clone();
-            let dotted = add_scaled_then_dot(&mut y, 2.0, &b, &a);
+            let dotted = add_combination_then_dot(&mut y, &[2.0, -0.5, 0.25], &three, &a);
             assert!((dotted - dot(&y, &a)).abs() <= 1e-13 * norm(&y) * norm(&a) + 1e-300, "n = {n}");
+            let mut w = vec![7.0; n];
+            subtract_combination(&mut w, &a, &[2.0, -0.5, 0.25], &three);
+            let mut several = Vec::new();
+            dots(11, &|i| three(i % 3), &a, &mut several);
+            assert_eq!(several.len(), 11);
+            for (i, sum) in several.iter().enumerate() {
+                assert!((sum - dot(three(i % 3), &a)).abs() <= 1e-13 * scale + 1e-300, "n = {n}, product {i}");
+            }
+            let mut scaled = vec![7.0; n];
+            scale_to(&mut scaled, -3.0, &a);
             let mut o = vec![0.0; n];
             subtract(&mut o, &a, &b);
             let mut z = o.clone();
             add_scaled(&mut z, 3.0, &b);
             for i in 0..n {
-                assert!((y[i] - (a[i] + 2.0 * b[i])).abs() <= 1e-15);
+                let sum = 2.0 * b[i] - 0.5 * c[i] + 0.25 * d[i];
+                assert!((y[i] - (a[i] + sum)).abs() <= 1e-15 && (w[i] - (a[i] - sum)).abs() <= 1e-15);
                 assert_eq!(o[i], a[i] - b[i]);
-                assert_eq!(z[i], o[i] + 3.0 * b[i]);
+                assert!((z[i] - (o[i] + 3.0 * b[i])).abs() <= 1e-15);
+                assert_eq!(scaled[i], -3.0 * a[i]);
             }
         }
     }

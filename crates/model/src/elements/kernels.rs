@@ -1,6 +1,6 @@
 //! The geometry of a pass, compiled for each instruction set: gathering, decompositions, forces. No energy appears here.
 
-use super::coupling::Coupling;
+use super::coupling::{Coupling, load_rows, store_rows};
 use super::matrix::compose;
 use super::passes::{Chunk, GROUP, Shared};
 use super::shape::{Decomposed, Shape, Simplex, block, block_mut};
@@ -18,6 +18,7 @@ pub(super) struct Scratch {
     signs: [f64; GROUP * LANES * 3],
     at: [f64; GROUP * LANES * KEPT],    // what is known of F
     frame: [f64; GROUP * LANES * KEPT], // of v = c(Dx) + u
+    inverse: [f64; GROUP * LANES * 9],  // inverse rest edges
 }
 
 impl Scratch {
@@ -27,6 +28,7 @@ impl Scratch {
             signs: [1.0; GROUP * LANES * 3],
             at: [0.0; GROUP * LANES * KEPT],
             frame: [0.0; GROUP * LANES * KEPT],
+            inverse: [0.0; GROUP * LANES * 9],
         }
     }
 }
@@ -152,15 +154,15 @@ fn add_forces<I: Isa, const D: usize, const K: usize>(
     }
 }
 
-/// What is known of F at block b of a chunk.
+/// What is known of F at block b of a chunk, and the inverse rest edges.
 #[inline(always)]
 fn visit<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(
     shared: &Shared<'_, K>,
     chunk: &Chunk<'_>,
     b: usize,
-) -> C::At<F8<I>> {
+) -> (C::At<F8<I>>, [[F8<I>; K]; K]) {
     let inverse = inverse_edges::<I, D, K>(shared, chunk, b);
-    C::visit(deformation_gradient(chunk.near(), chunk.local(b), &inverse))
+    (C::visit(deformation_gradient(chunk.near(), chunk.local(b), &inverse)), inverse)
 }
 
 /// out <- c(Dx) over the blocks of a group.
@@ -180,7 +182,7 @@ where
     #[inline(always)]
     fn run<I: Isa>(self) {
         for b in self.group {
-            let at = visit::<I, C, D, K>(self.shared, self.chunk, b);
+            let (at, _) = visit::<I, C, D, K>(self.shared, self.chunk, b);
             C::store(&C::couple(&at), block_mut(self.out, b, C::LOCAL));
         }
     }
@@ -207,8 +209,9 @@ where
         let s = self.shared;
         let mut penalty = F8::<I>::zero();
         for (place, b) in self.group.enumerate() {
-            let at = visit::<I, C, D, K>(s, self.chunk, b);
+            let (at, inverse) = visit::<I, C, D, K>(s, self.chunk, b);
             C::keep(&at, block_mut(&mut self.scratch.at, place, KEPT));
+            store_rows(&inverse, block_mut(&mut self.scratch.inverse, place, 9), 0);
             let (p_at, u_at) = (block_mut(self.p, b, C::LOCAL), block_mut(self.u, b, C::LOCAL));
             let (p, u) = (C::load::<I>(p_at), C::load::<I>(u_at));
             let c = C::couple(&at);
@@ -296,7 +299,7 @@ where
             C::store(&u, u_at);
             let at = C::kept::<I>(block(&self.scratch.at, place, KEPT));
             objective = C::norm2(&C::subtract(&C::couple(&at), &p)).mul_add(weight2 * 0.5, objective);
-            let inverse = inverse_edges::<I, D, K>(s, self.chunk, b);
+            let inverse: [[F8<I>; K]; K] = load_rows(block(&self.scratch.inverse, place, 9), 0);
             add_forces(&C::penalty_gradient(&at, &p), weight2, &inverse, self.chunk.local(b), self.partials);
         }
         LocalReport {
@@ -331,10 +334,9 @@ where
         for (place, b) in self.group.enumerate() {
             let global = self.chunk.global(b);
             let weight2 = F8::<I>::load_at(s.weight2, global);
-            let at = visit::<I, C, D, K>(s, self.chunk, b);
+            let (at, inverse) = visit::<I, C, D, K>(s, self.chunk, b);
             let p = C::load::<I>(block(s.p, global, C::LOCAL));
             value = C::norm2(&C::subtract(&C::couple(&at), &p)).mul_add(weight2 * 0.5, value);
-            let inverse = inverse_edges::<I, D, K>(s, self.chunk, b);
             add_forces(&C::penalty_gradient(&at, &p), weight2, &inverse, self.chunk.local(b), self.partials);
             if C::DECOMPOSES {
                 let d: Decomposed<F8<I>, D, K> = C::decomposed(&at);
@@ -402,13 +404,15 @@ where
     fn run<I: Isa>(self) -> EnergyReport {
         let mut range = Stretches::<I, D, K>::new();
         for (place, b) in self.group.enumerate() {
-            let d: Decomposed<F8<I>, D, K> = C::decomposed(&visit::<I, C, D, K>(self.shared, self.chunk, b));
+            let (at, inverse) = visit::<I, C, D, K>(self.shared, self.chunk, b);
+            let d: Decomposed<F8<I>, D, K> = C::decomposed(&at);
             range.add(&d.s, self.chunk.global(b), self.shared.chunks.n_elems());
             for i in 0..K {
                 d.s[i].store_at(&mut self.scratch.stretches, place * K + i);
             }
             if self.frames {
                 d.keep(block_mut(&mut self.scratch.at, place, KEPT));
+                store_rows(&inverse, block_mut(&mut self.scratch.inverse, place, 9), 0);
             }
         }
         range.report()
@@ -435,7 +439,7 @@ impl<const D: usize, const K: usize> Kernel for EnergyOut<'_, D, K> {
                 d.s[i] = F8::load_at(&self.scratch.stretches, place * K + i);
             }
             let stress = compose(&d.u, &d.s, &d.v);
-            let inverse = inverse_edges::<I, D, K>(self.shared, self.chunk, b);
+            let inverse: [[F8<I>; K]; K] = load_rows(block(&self.scratch.inverse, place, 9), 0);
             add_forces(&stress, F8::load_at(self.shared.measure, global), &inverse, self.chunk.local(b), self.partials);
         }
     }
@@ -462,7 +466,7 @@ where
         for b in self.group {
             let global = self.chunk.global(b);
             let weight2 = F8::<I>::load_at(s.weight2, global);
-            let c = C::couple(&visit::<I, C, D, K>(s, self.chunk, b));
+            let c = C::couple(&visit::<I, C, D, K>(s, self.chunk, b).0);
             let z = C::add(&C::load::<I>(block(s.p, global, C::LOCAL)), &C::load::<I>(block(s.u, global, C::LOCAL)));
             let own = C::norm2(&C::subtract(&c, &z)) * weight2;
             if !self.out.is_empty() {

@@ -98,11 +98,11 @@ pub fn largest_eigenvalue<T: Real, const K: usize>(a: &[[T; K]; K]) -> T {
             mean + half.mul_add(half, a[0][1] * a[0][1]).sqrt()
         }
         3 => {
-            let m = (a[0][0] + a[1][1] + a[2][2]) / 3.0;
+            let m = (a[0][0] + a[1][1] + a[2][2]) * (1.0 / 3.0);
             let (x, y, z) = (a[0][0] - m, a[1][1] - m, a[2][2] - m);
             let (u, v, w) = (a[1][2], a[0][2], a[0][1]);
             let off = u * u + v * v + w * w;
-            let q = ((x * x + y * y + z * z + off * 2.0) / 6.0).sqrt();
+            let q = ((x * x + y * y + z * z + off * 2.0) * (1.0 / 6.0)).sqrt();
             let inverse = T::select(q.gt(T::zero()), q.recip(), T::zero());
             let (x, y, z) = (x * inverse, y * inverse, z * inverse);
             let (u, v, w) = (u * inverse, v * inverse, w * inverse);
@@ -112,7 +112,7 @@ pub fn largest_eigenvalue<T: Real, const K: usize>(a: &[[T; K]; K]) -> T {
             let mut c = t.mul_add(t * -0.0267 + 0.1607, T::splat(0.866)); // within 1e-3
             for _ in 0..3 {
                 let c2 = c * c;
-                c = c - (c * (c2 * 4.0 - 3.0) - t) / (c2 * 12.0 - 3.0);
+                c = c - (c * (c2 * 4.0 - 3.0) - t) * (c2 * 12.0 - 3.0).fast_recip();
             }
             m + q * (c * c * 4.0 - 2.0)
         }

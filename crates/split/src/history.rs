@@ -1,0 +1,113 @@
+//! The curvature pairs of L-BFGS and what is made of them.
+
+use crate::vector;
+use std::collections::VecDeque;
+
+/// A curvature pair.
+struct Pair {
+    s: Vec<f64>,       // change of x
+    y: Vec<f64>,       // change of the gradient
+    s_dot_y: Vec<f64>, // s_i . y of the pairs i up to this one, oldest first
+}
+
+/// The newest pairs of steps and changes of the gradient.
+///
+/// The two loops of Nocedal and Wright, Algorithm 7.4, are two triangular systems with the products s_i . y_j (Byrd,
+/// Nocedal and Schnabel 1994): so the vectors are read in four passes, not in four for each pair.
+pub(crate) struct History {
+    window: usize,
+    pairs: VecDeque<Pair>, // newest last
+    spare: Vec<Pair>,      // storage of dropped pairs
+    products: Vec<f64>,
+    alpha: Vec<f64>,
+}
+
+impl History {
+    /// Empty, for at most `window` pairs.
+    pub fn new(window: usize) -> Self {
+        History {
+            window,
+            pairs: VecDeque::with_capacity(window + 1),
+            spare: Vec::with_capacity(window + 1),
+            products: Vec::with_capacity(window + 1),
+            alpha: Vec::with_capacity(window + 1),
+        }
+    }
+
+    /// Whether there is no pair.
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+
+    /// Drops all pairs.
+    pub fn clear(&mut self) {
+        self.spare.extend(self.pairs.drain(..));
+    }
+
+    /// q <- H g, where `first` multiplies by the first inverse Hessian H0 in place; returns g . q.
+    ///
+    /// With R_ij = s_i . y_j for i <= j and D its diagonal: R alpha = S^T g, q = H0 (g - Y alpha),
+    /// R^T c = D alpha - Y^T q, q += S c.
+    pub fn multiply<E>(
+        &mut self,
+        g: &[f64],
+        q: &mut [f64],
+        first: impl FnOnce(&mut [f64]) -> Result<(), E>,
+    ) -> Result<f64, E> {
+        let History { pairs, products, alpha, .. } = self;
+        let pairs = &*pairs;
+        let (s, y) = (|i: usize| pairs[i].s.as_slice(), |i: usize| pairs[i].y.as_slice());
+        let m = pairs.len();
+        vector::dots(m, &s, g, alpha);
+        for i in (0..m).rev() {
+            for j in i + 1..m {
+                alpha[i] -= pairs[j].s_dot_y[i] * alpha[j];
+            }
+            alpha[i] /= pairs[i].s_dot_y[i];
+        }
+        vector::subtract_combination(q, g, alpha, &y);
+        first(q)?;
+        vector::dots(m, &y, q, products);
+        for i in 0..m {
+            let mut c = pairs[i].s_dot_y[i] * alpha[i] - products[i];
+            for j in 0..i {
+                c -= pairs[i].s_dot_y[j] * alpha[j];
+            }
+            alpha[i] = c / pairs[i].s_dot_y[i]; // c_i in the place of alpha_i, which is used up
+        }
+        Ok(vector::add_combination_then_dot(q, alpha, &s, g))
+    }
+
+    /// Keeps the pair of the step -t q from gradient g to g_new; skips it where s . y is not positive, since H must stay so.
+    pub fn push(&mut self, t: f64, q: &[f64], g_new: &[f64], g: &[f64]) {
+        if self.window == 0 {
+            return;
+        }
+        let mut pair = if self.pairs.len() == self.window {
+            self.pairs.iter_mut().for_each(|pair| {
+                pair.s_dot_y.remove(0);
+            });
+            self.pairs.pop_front()
+        } else {
+            self.spare.pop()
+        }
+        .unwrap_or_else(|| Pair {
+            s: vec![0.0; g.len()],
+            y: vec![0.0; g.len()],
+            s_dot_y: Vec::with_capacity(self.window),
+        });
+        vector::subtract(&mut pair.y, g_new, g);
+        vector::scale_to(&mut pair.s, -t, q);
+        let s_y = vector::dot(&pair.s, &pair.y);
+        if s_y > 0.0 && s_y.is_finite() {
+            let pairs = &self.pairs;
+            vector::dots(pairs.len(), &|i| pairs[i].s.as_slice(), &pair.y, &mut self.products);
+            pair.s_dot_y.clear();
+            pair.s_dot_y.extend_from_slice(&self.products);
+            pair.s_dot_y.push(s_y);
+            self.pairs.push_back(pair);
+        } else {
+            self.spare.push(pair);
+        }
+    }
+}
