@@ -72,7 +72,7 @@ pub fn iteration(model: &Model) -> Result<Admm, BenchError> {
     let settings = split::AdmmSettings {
         name: "wrapd".to_string(),
         global: Box::new(global),
-        reweighting: Some(defaults.reweighting()),
+        reweighting: Some(defaults.reweighting(true)),
     };
     let mut method = Admm::new(problem(model)?, settings).map_err(BenchError::from_display)?;
     for _ in 0..WARM_UP {
@@ -114,7 +114,8 @@ impl Parts {
         let second = take(&method);
         let now = take(&method);
         let problem = method.into_problem();
-        let normal = NormalMatrix::new(&problem).map_err(BenchError::from_display)?;
+        let precision = AdmmSettings::default().lbfgs().precision; // as in the iteration
+        let normal = NormalMatrix::with_precision(&problem, precision).map_err(BenchError::from_display)?;
         let grad = vec![0.0; problem.n_free * 3];
         let coupled = vec![0.0; problem.terms[0].local_len()];
         let mut parts =

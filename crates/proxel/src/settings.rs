@@ -204,12 +204,16 @@ impl AdmmSettings {
         }
     }
 
-    /// For the weights.
-    pub fn reweighting(&self) -> Reweighting {
+    /// For the weights, with a coupling that is rotation-aware or linear.
+    pub fn reweighting(&self, rotation_aware: bool) -> Reweighting {
         Reweighting {
             range: Range::Late { from: self.reweight_from, min: self.weight_min, max: self.weight_max },
             trigger: self.reweight_trigger,
-            hardening: (self.candidate == Candidate::Relative).then(Hardening::default),
+            hardening: match (self.candidate, rotation_aware) {
+                (Candidate::Hessian, _) => None,
+                (Candidate::Relative, true) => Some(Hardening::default()),
+                (Candidate::Relative, false) => Some(Hardening::patient()),
+            },
         }
     }
 }

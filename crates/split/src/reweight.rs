@@ -51,8 +51,14 @@ pub struct Hardening {
 
 impl Default for Hardening {
     fn default() -> Self {
-        // A slow method falls slowly and is left alone; one that runs in a circle does not fall.
-        Hardening { window: 10, required: 1.0, factor: 1.6, above: 10.0 }
+        Hardening { window: 10, required: 0.9, factor: 1.6, above: 3.0 }
+    }
+}
+
+impl Hardening {
+    /// For linear couplings, which are slow in rotations: a residual that falls slowly is none that runs in a circle.
+    pub fn patient() -> Self {
+        Hardening { required: 1.0, above: 10.0, ..Self::default() }
     }
 }
 

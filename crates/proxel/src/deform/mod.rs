@@ -195,7 +195,7 @@ fn method(problem: Problem, settings: &DeformSettings) -> Result<Admm, proxel_sp
         true => Box::new(Lbfgs::new(settings.admm.lbfgs())),
         false => Box::new(Direct),
     };
-    let reweighting = name.is_reweighted().then(|| settings.admm.reweighting());
+    let reweighting = name.is_reweighted().then(|| settings.admm.reweighting(name.is_rotation_aware()));
     Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting })
 }
 
