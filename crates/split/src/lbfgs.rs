@@ -1,7 +1,6 @@
 //! The global step with rotation awareness: L-BFGS preconditioned by the normal matrix, W section 4.1.
 
-use crate::{GlobalReport, GlobalStep, NormalMatrix, Objective, SystemError, vector};
-use std::collections::VecDeque;
+use crate::{GlobalReport, GlobalStep, NormalMatrix, Objective, Pairs, SystemError, vector};
 
 /// Which step the stopping rule W(17) looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,19 +32,10 @@ impl Default for LbfgsSettings {
     }
 }
 
-/// A curvature pair.
-struct Pair {
-    s: Vec<f64>, // change of x
-    y: Vec<f64>, // change of the gradient
-    rho: f64,    // 1 / s . y
-}
-
 /// L-BFGS whose first Hessian is the normal matrix, W(5a). Pairs are kept from one global step to the next.
 pub struct Lbfgs {
     settings: LbfgsSettings,
-    pairs: VecDeque<Pair>, // newest last
-    spare: Vec<Pair>,      // storage of dropped pairs
-    alpha: Vec<f64>,
+    pairs: Pairs,
     g: Vec<f64>, // gradient at x
     q: Vec<f64>, // H g, the step is -q
     g_new: Vec<f64>,
@@ -54,69 +44,23 @@ pub struct Lbfgs {
 impl Lbfgs {
     /// With an empty history.
     pub fn new(settings: LbfgsSettings) -> Self {
-        Lbfgs {
-            settings,
-            pairs: VecDeque::with_capacity(settings.window + 1),
-            spare: Vec::with_capacity(settings.window + 1),
-            alpha: Vec::with_capacity(settings.window),
-            g: Vec::new(),
-            q: Vec::new(),
-            g_new: Vec::new(),
-        }
+        let pairs = Pairs::new(settings.window);
+        Lbfgs { settings, pairs, g: Vec::new(), q: Vec::new(), g_new: Vec::new() }
     }
 
-    /// q <- H g by the two loops (Nocedal and Wright, Algorithm 7.4); returns g . q.
+    /// q <- H g; returns g . q.
     fn direction(&mut self, normal: &mut NormalMatrix) -> Result<f64, SystemError> {
-        self.q.copy_from_slice(&self.g);
-        self.alpha.clear();
-        // First loop, newest to oldest: alpha_i = rho_i s_i . q, q -= alpha_i y_i; the update and the next product in one pass.
-        let mut newer: Option<(&Pair, f64)> = None;
-        for pair in self.pairs.iter().rev() {
-            let s_q = match newer {
-                None => vector::dot(&pair.s, &self.q),
-                Some((newer, alpha)) => vector::add_scaled_then_dot(&mut self.q, -alpha, &newer.y, &pair.s),
-            };
-            let alpha = pair.rho * s_q;
-            self.alpha.push(alpha);
-            newer = Some((pair, alpha));
-        }
-        if let Some((oldest, alpha)) = newer {
-            vector::add_scaled(&mut self.q, -alpha, &oldest.y);
-        }
-        normal.solve(&mut self.q)?;
-        // Second loop, oldest to newest: beta = rho_i y_i . q, q += (alpha_i - beta) s_i.
-        let mut older: Option<(&Pair, f64)> = None;
-        for (pair, alpha) in self.pairs.iter().zip(self.alpha.iter().rev()) {
-            let y_q = match older {
-                None => vector::dot(&pair.y, &self.q),
-                Some((older, c)) => vector::add_scaled_then_dot(&mut self.q, c, &older.s, &pair.y),
-            };
-            older = Some((pair, alpha - pair.rho * y_q));
-        }
-        Ok(match older {
-            None => vector::dot(&self.g, &self.q),
-            Some((newest, c)) => vector::add_scaled_then_dot(&mut self.q, c, &newest.s, &self.g),
-        })
+        self.pairs.direction(&self.g, &mut self.q, normal)
     }
 
-    /// Keeps the pair of the step -t q from g to g_new; skips it where s . y is not positive, since H must stay so.
+    /// Keeps the pair of the step -t q from g to g_new.
     fn remember(&mut self, t: f64) {
-        if self.settings.window == 0 {
-            return;
-        }
-        let n = self.g.len();
-        let mut pair = if self.pairs.len() == self.settings.window { self.pairs.pop_front() } else { self.spare.pop() }
-            .unwrap_or_else(|| Pair { s: vec![0.0; n], y: vec![0.0; n], rho: 0.0 });
-        vector::subtract(&mut pair.y, &self.g_new, &self.g);
-        pair.s.copy_from_slice(&self.q);
-        pair.s.iter_mut().for_each(|s| *s *= -t);
-        let s_y = vector::dot(&pair.s, &pair.y);
-        if s_y > 0.0 && s_y.is_finite() {
-            pair.rho = 1.0 / s_y;
-            self.pairs.push_back(pair);
-        } else {
-            self.spare.push(pair);
-        }
+        let (g, q, g_new) = (&self.g, &self.q, &self.g_new);
+        self.pairs.remember(g.len(), |s, y| {
+            vector::subtract(y, g_new, g);
+            s.copy_from_slice(q);
+            s.iter_mut().for_each(|s| *s *= -t);
+        });
     }
 }
 
@@ -180,6 +124,6 @@ impl GlobalStep for Lbfgs {
     }
 
     fn reset(&mut self) {
-        self.spare.extend(self.pairs.drain(..));
+        self.pairs.clear();
     }
 }

@@ -24,6 +24,8 @@ pub enum SystemError {
     },
     /// Anything else that the factorisation reports.
     Factor(String),
+    /// No fault of the system: the method cannot make progress, for the reason told.
+    Stalled(String),
 }
 
 impl std::fmt::Display for SystemError {
@@ -36,6 +38,7 @@ impl std::fmt::Display for SystemError {
                 )
             }
             SystemError::Factor(reason) => write!(f, "the system cannot be factored: {reason}"),
+            SystemError::Stalled(reason) => f.write_str(reason),
         }
     }
 }
@@ -99,6 +102,14 @@ impl NormalMatrix {
     /// A vector of another length.
     pub fn solve(&mut self, b: &mut [f64]) -> Result<(), SystemError> {
         Ok(self.factor.solve_in_place(b, self.dim, &mut self.scratch)?)
+    }
+
+    /// y <- A x, for all coordinates of the free nodes.
+    ///
+    /// # Errors
+    /// A vector of another length.
+    pub fn multiply(&self, x: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        Ok(self.pattern.multiply(&self.values, x, self.dim, y)?)
     }
 
     /// How often the numbers were factored anew after the first time.

@@ -79,6 +79,18 @@ impl Kernel for AddDotLeaf<'_> {
     }
 }
 
+/// (a . b, a . c), a being read once.
+pub fn dots(a: &[f64], b: &[f64], c: &[f64]) -> (f64, f64) {
+    debug_assert!(a.len() == b.len() && a.len() == c.len());
+    if a.len() <= LEAF {
+        return (dot_leaf(a, b), dot_leaf(a, c));
+    }
+    let m = middle(a.len());
+    let ((a0, a1), (b0, b1), (c0, c1)) = (a.split_at(m), b.split_at(m), c.split_at(m));
+    let (l, r) = rayon::join(|| dots(a0, b0, c0), || dots(a1, b1, c1));
+    (l.0 + r.0, l.1 + r.1)
+}
+
 /// |a|
 pub fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
@@ -150,6 +162,8 @@ mod tests {
             let want: f64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
             let scale = norm(&a) * norm(&b) + 1e-300;
             assert!((dot(&a, &b) - want).abs() <= 1e-13 * scale, "n = {n}");
+            let scattered = sample(n, 5);
+            assert_eq!(dots(&a, &b, &scattered), (dot(&a, &b), dot(&a, &scattered)), "n = {n}");
             let mut y = a.clone();
             let dotted = add_scaled_then_dot(&mut y, 2.0, &b, &a);
             assert!((dotted - dot(&y, &a)).abs() <= 1e-13 * norm(&y) * norm(&a) + 1e-300, "n = {n}");

@@ -117,10 +117,11 @@ where
     type Output = Built;
     fn visit<E: Energy<K>>(self, energy: E) -> Built {
         let admm = &self.settings.admm;
-        let dynamic = self.settings.method.is_reweighted();
+        let method = self.settings.method;
+        let fixed = method.is_splitting() && !method.is_reweighted();
         let stiffness = match admm.base_weight {
             BaseWeight::RestHessian => energy.rest_stiffness(),
-            BaseWeight::Auto if !dynamic => energy.rest_stiffness(),
+            BaseWeight::Auto if fixed => energy.rest_stiffness(),
             BaseWeight::Slope | BaseWeight::Auto => energy.slope_stiffness(),
         };
         let base = stiffness * admm.weight_scale;
