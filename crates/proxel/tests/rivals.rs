@@ -156,7 +156,11 @@ fn bcqn_inverts_nothing_where_nothing_was_inverted() {
     let input = held([8, 3, 3], |p| {
         // Free nodes are thrown about: far from inversion nowhere, inverted nowhere.
         let noise = |k: f64| 0.06 * (17.0 * p[0] + 29.0 * p[1] * k + 41.0 * p[2] + k).sin();
-        if p[0].abs() > 1.5 - 1e-9 { [1.2 * p[0], p[1], p[2]] } else { [p[0] + noise(1.0), p[1] + noise(2.0), p[2] + noise(3.0)] }
+        if p[0].abs() > 1.5 - 1e-9 {
+            [1.2 * p[0], p[1], p[2]]
+        } else {
+            [p[0] + noise(1.0), p[1] + noise(2.0), p[2] + noise(3.0)]
+        }
     });
     let (guarded, rows) = traced(&input, &settings(MethodName::Bcqn));
     assert_eq!(rows[0].inverted, 0, "the start has to be a legal one");

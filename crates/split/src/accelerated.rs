@@ -145,7 +145,7 @@ impl<A: Acceleration> Accelerated<A> {
 
     /// Back to the image of the last accepted point.
     fn reject(&mut self, report: StepReport, merit: Merit) -> StepReport {
-        self.accepted.unpack(&mut self.admm.state());
+        self.accepted.restore(&mut self.admm.state());
         self.extrapolated = false;
         if !A::KEEPS_HISTORY {
             self.anderson.reset();

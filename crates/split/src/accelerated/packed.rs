@@ -61,6 +61,16 @@ impl Packed {
         }
     }
 
+    /// All of it as it was packed.
+    pub fn restore(&self, state: &mut State<'_>) {
+        state.x.copy_from_slice(&self.values[..self.free]);
+        for t in 0..self.u.len() {
+            let (p, u) = self.local(t);
+            state.p[t].copy_from_slice(p);
+            state.u[t].copy_from_slice(u);
+        }
+    }
+
     /// p and u of a term, as they were packed.
     pub fn local(&self, t: usize) -> (&[f64], &[f64]) {
         let p = if self.carries_z { &self.values } else { &self.p };
