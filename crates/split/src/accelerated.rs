@@ -28,6 +28,9 @@ pub type AaAdmm = Accelerated<CombinedResidual>;
 /// Anderson-accelerated Douglas-Rachford splitting, Ouyang et al. 2020.
 pub type Aadr = Accelerated<Envelope>;
 
+/// Numbers handled by one task.
+const CHUNK: usize = 8192;
+
 /// Values of a merit that differ by less than this part of themselves are equal but for rounding.
 const ROUNDING: f64 = 1e-14;
 

@@ -17,7 +17,7 @@ use least_squares::LeastSquares;
 /// minimised is its Euclidean norm, so scale it to the metric of the iteration. G may carry more than the state, such as
 /// affine functions of it, which are then extrapolated by the same coefficients, exactly.
 ///
-/// Columns of F are scaled to unit length, their Gram matrix is updated by a row a call (m products), and the normal
+/// The Gram matrix of the columns of F, scaled to unit length, is updated by a row a call (m products), and the normal
 /// equations are solved by an eigendecomposition that drops directions below rounding: the least-squares solution of least
 /// norm. Sums have a fixed order on any number of threads, and a call allocates nothing once the window is full.
 pub struct Anderson {
@@ -31,10 +31,11 @@ pub struct Anderson {
     least_squares: LeastSquares,
 }
 
-/// A difference of two calls, divided by |f|.
+/// A difference of two calls.
 struct Column {
     g: Vec<f64>,
     f: Vec<f64>,
+    inverse: f64, // 1 / |f|
 }
 
 impl Anderson {
@@ -89,7 +90,7 @@ impl Anderson {
     /// Writes the difference to the call before into the oldest column, and its products into the Gram matrix.
     fn push(&mut self, g: &[f64], f: &[f64]) {
         if self.columns.len() == self.next {
-            self.columns.push(Column { g: vec![0.0; g.len()], f: vec![0.0; f.len()] });
+            self.columns.push(Column { g: vec![0.0; g.len()], f: vec![0.0; f.len()], inverse: 0.0 });
         }
         let at = self.next;
         let column = &mut self.columns[at];
@@ -101,21 +102,16 @@ impl Anderson {
             return;
         }
         vector::subtract(&mut column.g, g, &self.g);
-        scale(&mut column.f, 1.0 / length);
-        scale(&mut column.g, 1.0 / length);
+        column.inverse = 1.0 / length;
         self.next = (at + 1) % self.window;
         self.used = (self.used + 1).min(self.window);
-        for i in 0..self.used {
+        for (i, column) in self.columns[..self.used].iter().enumerate() {
             // Each column is read once for both products.
-            let (with_new, with_f) = vector::dots(&self.columns[i].f, &self.columns[at].f, f);
-            self.least_squares.set(at, i, with_new);
-            self.least_squares.set_right(i, with_f);
+            let (with_new, with_f) = vector::dots(&column.f, &self.columns[at].f, f);
+            self.least_squares.set(at, i, with_new * column.inverse / length);
+            self.least_squares.set_right(i, with_f * column.inverse);
         }
     }
-}
-
-fn scale(v: &mut [f64], c: f64) {
-    v.iter_mut().for_each(|v| *v *= c);
 }
 
 /// out -= sum_i theta_i g_i over the range of entries that starts at `first`, so that `out` is read and written once.
@@ -131,7 +127,7 @@ fn subtract_combination(out: &mut [f64], columns: &[Column], theta: &[f64], firs
         return;
     }
     for (column, theta) in columns.iter().zip(theta) {
-        vector::add_scaled(out, -theta, &column.g[first..first + out.len()]);
+        vector::add_scaled(out, -theta * column.inverse, &column.g[first..first + out.len()]);
     }
 }
 

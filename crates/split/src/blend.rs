@@ -1,6 +1,10 @@
 //! The curvature that a quasi-Newton method learns from a step: measured, or blended with that of the Laplacian.
 
 use crate::{NormalMatrix, Problem, SystemError, vector};
+use rayon::prelude::*;
+
+/// Numbers handled by one task.
+const CHUNK: usize = 8192;
 
 /// Relative change at which the power iteration for |A| ends, and its most steps: the norm only scales a blend.
 const NORM_TOLERANCE: f64 = 1e-3;
@@ -48,9 +52,8 @@ impl Blend {
     pub fn apply(&mut self, normal: &NormalMatrix, s: &[f64], y: &mut [f64]) -> Result<f64, SystemError> {
         normal.multiply(s, &mut self.z)?;
         let beta = (self.scale * vector::dot(y, &self.z)).clamp(0.0, 1.0);
-        for (y, z) in y.iter_mut().zip(&self.z) {
-            *y = beta * z + (1.0 - beta) * *y;
-        }
+        let blended = y.par_iter_mut().zip(&self.z).with_min_len(CHUNK);
+        blended.for_each(|(y, z)| *y = beta * z + (1.0 - beta) * *y);
         Ok(beta)
     }
 }

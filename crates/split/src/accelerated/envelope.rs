@@ -1,7 +1,8 @@
 //! The Douglas-Rachford envelope.
 
-use super::{Acceleration, Merit};
+use super::{Acceleration, CHUNK, Merit};
 use crate::{LocalReport, Problem, vector};
+use rayon::prelude::*;
 
 /// The Douglas-Rachford iteration on s and its envelope (Ouyang et al. 2020; Themelis and Patrinos 2020), for the identity
 /// as coupling:
@@ -49,15 +50,19 @@ impl Acceleration for Envelope {
         u: &[Vec<f64>],
         local: &LocalReport,
     ) -> Merit {
-        let mut at = 0;
+        let (mut residual, mut scaled) = (self.residual.as_mut_slice(), self.scaled_u.as_mut_slice());
+        let mut weights = self.weights.as_slice();
         for (((term, coupled), p), u) in problem.terms.iter_mut().zip(&mut self.coupled).zip(p).zip(u) {
             term.couple(x, coupled);
-            for (i, ((c, p), u)) in coupled.iter().zip(p).zip(u).enumerate() {
-                let w = self.weights[at + i];
-                self.residual[at + i] = w * (c - (p + u));
-                self.scaled_u[at + i] = w * u;
-            }
-            at += p.len();
+            let (r_head, r_tail) = residual.split_at_mut(p.len());
+            let (s_head, s_tail) = scaled.split_at_mut(p.len());
+            let (w_head, w_tail) = weights.split_at(p.len());
+            let to = r_head.par_iter_mut().zip(s_head).zip(w_head);
+            to.zip(coupled.par_iter().zip(p).zip(u)).with_min_len(CHUNK).for_each(|(((r, s), w), ((c, p), u))| {
+                *r = w * (c - (p + u));
+                *s = w * u;
+            });
+            (residual, scaled, weights) = (r_tail, s_tail, w_tail);
         }
         let f = problem.quadratic.value_and_gradient(x, problem.dim, None);
         let (square, product) = vector::dots(&self.residual, &self.residual, &self.scaled_u);
