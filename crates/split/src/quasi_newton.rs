@@ -157,6 +157,9 @@ impl Method for QuasiNewton {
         if let Some(guard) = self.guard.as_mut().filter(|_| self.energy.inverted == 0) {
             guard.arm(&self.x);
         }
+        if !self.energy.value.is_finite() || !vector::norm(&self.g).is_finite() {
+            return Err(self.stalled());
+        }
         let slope = self.direction()?;
         let mut landing = self.search(slope);
         if landing.is_none() && !self.pairs.is_empty() {
