@@ -110,7 +110,7 @@ fn quasi_newton_steps_never_raise_the_energy() {
 
 #[test]
 fn rejected_steps_happen_and_are_counted() {
-    let input = twisted([10, 2, 2], 2.5);
+    let input = twisted([10, 2, 2], 4.5);
     for method in [MethodName::AaAdmm, MethodName::Aadr] {
         let (end, rows) = traced(&input, &settings(method));
         assert_eq!(end.status, Status::Converged, "{method:?}: {}", end.report.reason);
@@ -175,7 +175,7 @@ fn bcqn_turns_what_starts_inverted() {
     let fixed: Vec<u32> = input.fixed.iter().map(|(v, _)| *v).collect();
     let start = input.start.as_mut().expect("a start");
     for (v, p) in start.iter_mut().enumerate().filter(|(v, _)| !fixed.contains(&(*v as u32))) {
-        *p = [p[0] + 0.4 * f64::from((v * 7 % 5) as u32 - 2) / 2.0, 0.8 * p[1], -p[2]];
+        *p = [p[0] + 0.4 * ((v * 7 % 5) as f64 - 2.0) / 2.0, 0.8 * p[1], -p[2]];
     }
     let (end, rows) = traced(&input, &settings(MethodName::Bcqn));
     assert!(rows[0].inverted > 0, "the start has to be inverted");

@@ -83,7 +83,8 @@ impl QuasiNewton {
     /// q <- H g and its slope g . q; from A alone where the history has lost its way.
     fn direction(&mut self) -> Result<f64, SystemError> {
         let mut slope = self.pairs.direction(&self.g, &mut self.q, &mut self.normal)?;
-        if !(slope > 0.0 && slope.is_finite()) && !self.pairs.is_empty() {
+        let descends = slope > 0.0 && slope.is_finite();
+        if !descends && !self.pairs.is_empty() {
             self.pairs.clear();
             slope = self.pairs.direction(&self.g, &mut self.q, &mut self.normal)?;
         }

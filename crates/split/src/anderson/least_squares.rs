@@ -72,7 +72,8 @@ fn eigen(a: &mut [f64], v: &mut [f64], m: usize, n: usize) {
             for q in p + 1..n {
                 let off = a[p * m + q];
                 let size = (a[p * m + p] * a[q * m + q]).abs().sqrt();
-                if !(off.abs() > f64::EPSILON * size) || off.abs() < f64::MIN_POSITIVE {
+                // A NaN is left alone, and found on the diagonal.
+                if off.is_nan() || off.abs() <= (f64::EPSILON * size).max(f64::MIN_POSITIVE) {
                     continue;
                 }
                 turned = true;

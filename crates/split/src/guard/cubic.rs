@@ -6,7 +6,7 @@ const BISECTIONS: usize = 60;
 /// The first t in (0, reach] at which c0 + c1 t + c2 t^2 + c3 t^3, positive at 0, is not positive any more, or a number
 /// slightly below it; infinity where there is none; 0 where it is not positive at 0.
 pub(super) fn first_root(c: [f64; 4], reach: f64) -> f64 {
-    if !(c[0] > 0.0) {
+    if c[0].is_nan() || c[0] <= 0.0 {
         return 0.0;
     }
     // Bernstein coefficients on [0, reach]: where all are positive, so is the cubic.
@@ -18,7 +18,8 @@ pub(super) fn first_root(c: [f64; 4], reach: f64) -> f64 {
     // Between the roots of the derivative the cubic is monotone.
     let mut low = 0.0;
     for high in extrema(c).into_iter().filter(|t| *t > 0.0 && *t < reach).chain([reach]) {
-        if !(value(high) > 0.0) {
+        let at_high = value(high);
+        if at_high.is_nan() || at_high <= 0.0 {
             let (mut low, mut high) = (low, high);
             for _ in 0..BISECTIONS {
                 let middle = 0.5 * (low + high);

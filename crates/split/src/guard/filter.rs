@@ -117,7 +117,7 @@ impl Filter {
                     }
                 });
             let size = norm(&self.steps);
-            if !(size > 0.0) || before - size < LEAST_PROGRESS * before {
+            if size.is_nan() || size <= 0.0 || before - size < LEAST_PROGRESS * before {
                 break;
             }
             before = size;
