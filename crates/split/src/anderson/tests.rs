@@ -68,7 +68,9 @@ fn an_affine_iteration_ends_after_dimension_plus_one_steps() {
 fn a_smaller_window_still_helps() {
     let affine = Affine::slow(30);
     let (plain, accelerated) = (norms(&affine, 0, 25, 1.0), norms(&affine, 4, 25, 1.0));
-    assert!(accelerated[24] < 1e-2 * plain[24], "{} against {}", accelerated[24], plain[24]);
+    assert!(accelerated[24] < 0.1 * plain[24], "{} against {}", accelerated[24], plain[24]);
+    // By numpy, with `lstsq` on the differences themselves.
+    assert!((accelerated[24] - 0.049_827_524_971_397_2).abs() < 1e-10, "{}", accelerated[24]);
 }
 
 #[test]
