@@ -166,8 +166,16 @@ pub fn twisted_beam(cells: [usize; 3]) -> Result<Model, BenchError> {
 ///
 /// # Errors
 /// A model that is no problem or does not converge.
-pub fn solved(mut model: Model, tol: f64) -> Result<Model, BenchError> {
-    let settings = DeformSettings { tol, max_iters: 20_000, ..DeformSettings::default() };
+pub fn solved(model: Model, tol: f64) -> Result<Model, BenchError> {
+    solved_of(model, &Material::default(), tol)
+}
+
+/// The same for another material.
+///
+/// # Errors
+/// As [`solved`].
+pub fn solved_of(mut model: Model, material: &Material, tol: f64) -> Result<Model, BenchError> {
+    let settings = DeformSettings { tol, max_iters: 20_000, material: material.clone(), ..DeformSettings::default() };
     let end = deform(&model.input, &settings, &mut Hooks::default()).map_err(BenchError::from_display)?;
     if end.report.status != "converged" {
         return Err(BenchError(format!("{}: its reference did not converge: {}", model.name, end.report.reason)));

@@ -1,5 +1,9 @@
 //! Settings of `deform`, with their defaults: the one place that the command line, the library and bindings take them from.
 
+mod rivals;
+
+pub use rivals::{AndersonWindows, QuasiNewton};
+
 use proxel_model::energy::{Lame, MaterialError};
 use proxel_split::{Hardening, InnerStop, LbfgsSettings, Precision, Range, Reweighting};
 use serde::{Deserialize, Serialize};
@@ -18,11 +22,28 @@ pub enum MethodName {
     /// Rotation-aware, dynamic weights: Brown and Narain 2021.
     #[default]
     Wrapd,
+    /// L-BFGS on the energy, preconditioned: Liu, Bouaziz and Kavan 2017.
+    Lbfgs,
+    /// Blended cured quasi-Newton: Zhu, Bridson and Kaufman 2018.
+    Bcqn,
+    /// Anderson-accelerated Douglas-Rachford splitting: Ouyang et al. 2020.
+    Aadr,
+    /// Anderson-accelerated ADMM: Zhang et al. 2019.
+    AaAdmm,
 }
 
 impl MethodName {
     /// All of them.
-    pub const ALL: [MethodName; 4] = [MethodName::AdmmPd, MethodName::RAdmm, MethodName::WAdmm, MethodName::Wrapd];
+    pub const ALL: [MethodName; 8] = [
+        MethodName::AdmmPd,
+        MethodName::RAdmm,
+        MethodName::WAdmm,
+        MethodName::Wrapd,
+        MethodName::Lbfgs,
+        MethodName::Bcqn,
+        MethodName::Aadr,
+        MethodName::AaAdmm,
+    ];
 
     /// Its name on the command line.
     pub fn as_str(self) -> &'static str {
@@ -31,12 +52,21 @@ impl MethodName {
             MethodName::RAdmm => "r-admm",
             MethodName::WAdmm => "w-admm",
             MethodName::Wrapd => "wrapd",
+            MethodName::Lbfgs => "lbfgs",
+            MethodName::Bcqn => "bcqn",
+            MethodName::Aadr => "aadr",
+            MethodName::AaAdmm => "aa-admm",
         }
     }
 
     /// Whether the local variable is the stretch of the polar decomposition.
     pub fn is_rotation_aware(self) -> bool {
         matches!(self, MethodName::RAdmm | MethodName::Wrapd)
+    }
+
+    /// Whether it splits the problem, so that its weights have to keep a splitting stable.
+    pub fn is_splitting(self) -> bool {
+        !matches!(self, MethodName::Lbfgs | MethodName::Bcqn)
     }
 
     /// Whether weights follow the stiffness.
@@ -62,8 +92,8 @@ pub enum Schedule {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BaseWeight {
-    /// The slope fit where weights are dynamic, half of it where the coupling is linear (rotations are what it is slow in,
-    /// and they ask for soft weights); the rest Hessian, which is larger and safer, where weights stay.
+    /// The slope fit; where a splitting has static weights the rest Hessian, which is larger and safer; where weights are
+    /// dynamic and the coupling is linear half the slope fit, since that is slow in rotations, which ask for soft weights.
     Auto,
     /// The largest eigenvalue of the Hessian at rest, W(21).
     RestHessian,
@@ -271,6 +301,12 @@ pub struct DeformSettings {
     pub schedule: Schedule,
     /// Settings of the splitting methods.
     pub admm: AdmmSettings,
+    /// Settings of `lbfgs`.
+    pub lbfgs: QuasiNewton,
+    /// Settings of `bcqn`.
+    pub bcqn: QuasiNewton,
+    /// Windows of Anderson acceleration.
+    pub anderson: AndersonWindows,
     /// The material where no region says otherwise.
     pub material: Material,
     /// Materials of regions.
@@ -283,6 +319,8 @@ pub struct DeformSettings {
     pub fix_orientation: bool,
     /// Converged when |g| <= tol min(|g(X0)|, characteristic gradient).
     pub tol: f64,
+    /// Converged, too, when |g| is at most this part of the characteristic gradient of Zhu et al. 2018.
+    pub patch_tol: Option<f64>,
     /// Most iterations.
     pub max_iters: usize,
     /// Most seconds.
@@ -304,12 +342,16 @@ impl DeformSettings {
             method: MethodName::default(),
             schedule,
             admm: AdmmSettings::of(schedule),
+            lbfgs: QuasiNewton::liu(),
+            bcqn: QuasiNewton::zhu(),
+            anderson: AndersonWindows::default(),
             material: Material::default(),
             materials: BTreeMap::new(),
             density: 0.0,
             gravity: [0.0; 3],
             fix_orientation: false,
             tol: 1e-9,
+            patch_tol: None,
             max_iters: 5000,
             time_limit: None,
             threads: None,
@@ -327,6 +369,11 @@ impl DeformSettings {
             false => Err(format!("{name} is {v}; it must be a positive number")),
         };
         positive("tol", self.tol)?;
+        if let Some(tol) = self.patch_tol {
+            positive("patch_tol (--patch-tol)", tol)?;
+        }
+        self.lbfgs.check("lbfgs")?;
+        self.bcqn.check("bcqn")?;
         positive("weight_scale (--weight-scale)", a.weight_scale)?;
         positive("kappa", a.kappa)?;
         positive("weight_min", a.weight_min)?;

@@ -9,8 +9,8 @@
 //! | WRAPD | polar | [`crate::Lbfgs`] | W(22)-(23) |
 
 use crate::{
-    EnergyReport, Evaluation, GlobalStep, Method, NormalMatrix, Objective, Problem, Residual, Residuals, Reweighting,
-    StepReport, SystemError, reweight::Settling, vector,
+    EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Problem, Residual, Residuals,
+    Reweighting, StepReport, SystemError, reweight::Settling, vector,
 };
 
 /// How an [`Admm`] is put together.
@@ -21,6 +21,13 @@ pub struct AdmmSettings {
     pub global: Box<dyn GlobalStep>,
     /// Whether and how the weights follow the stiffness.
     pub reweighting: Option<Reweighting>,
+}
+
+/// What an iteration hands to the next.
+pub(crate) struct State<'a> {
+    pub x: &'a mut [f64], // of the free nodes
+    pub p: &'a mut [Vec<f64>],
+    pub u: &'a mut [Vec<f64>],
 }
 
 /// ADMM on a [`Problem`]. One iteration is one local step over all elements and one global step.
@@ -95,6 +102,61 @@ impl Admm {
         Ok(true)
     }
 
+    /// The first half of an iteration: W(10b) and W(10c).
+    pub(crate) fn local_half(&mut self) -> LocalReport {
+        self.evaluation = None;
+        self.energy = None;
+        self.problem.local_step(&self.x, &mut self.p, &mut self.u, &mut self.grad)
+    }
+
+    /// The second half: W(10a), and the weights.
+    pub(crate) fn global_half(&mut self, local: LocalReport) -> Result<StepReport, SystemError> {
+        let mut objective = Objective {
+            problem: &mut self.problem,
+            p: &self.p,
+            value: local.objective,
+            local_change: local.lagrangian_change().abs(),
+        };
+        let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, &mut self.grad)?;
+        self.energy = global.energy;
+        self.moved2 = local.moved2;
+        let refactorised = self.reweight()?;
+        self.iteration += 1;
+        Ok(StepReport {
+            iteration: self.iteration,
+            inner: global.inner,
+            refactorised,
+            accepted: true,
+            energy_z: local.value_after,
+            merit: None,
+            local,
+        })
+    }
+
+    /// Counts an iteration whose second half was not worth doing.
+    pub(crate) fn skip_global_half(&mut self) -> usize {
+        self.iteration += 1;
+        self.iteration
+    }
+
+    /// Positions of the free nodes, p and u, for an accelerator to read and to set.
+    pub(crate) fn state(&mut self) -> State<'_> {
+        self.evaluation = None;
+        self.energy = None;
+        State { x: &mut self.x[..self.problem.n_free * self.problem.dim], p: &mut self.p, u: &mut self.u }
+    }
+
+    /// The problem, x of all nodes, p and u.
+    #[expect(clippy::type_complexity, reason = "four slices by name would need a struct that is used once")]
+    pub(crate) fn parts(&mut self) -> (&mut Problem, &[f64], &[Vec<f64>], &[Vec<f64>]) {
+        (&mut self.problem, &self.x, &self.p, &self.u)
+    }
+
+    /// For energies and residuals elsewhere than at the current x.
+    pub(crate) fn problem_mut(&mut self) -> &mut Problem {
+        &mut self.problem
+    }
+
     /// The matrix of the global step.
     pub fn normal(&self) -> &NormalMatrix {
         &self.normal
@@ -109,11 +171,6 @@ impl Admm {
     pub fn u(&self) -> &[Vec<f64>] {
         &self.u
     }
-
-    /// Gives the problem back, for another method to go on.
-    pub fn into_problem(self) -> Problem {
-        self.problem
-    }
 }
 
 impl Method for Admm {
@@ -122,27 +179,8 @@ impl Method for Admm {
     }
 
     fn step(&mut self) -> Result<StepReport, SystemError> {
-        self.evaluation = None;
-        let local = self.problem.local_step(&self.x, &mut self.p, &mut self.u, &mut self.grad); // W(10b), W(10c)
-        let mut objective = Objective {
-            problem: &mut self.problem,
-            p: &self.p,
-            value: local.objective,
-            local_change: local.lagrangian_change().abs(),
-        };
-        let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, &mut self.grad)?; // W(10a)
-        self.energy = global.energy;
-        self.moved2 = local.moved2;
-        let refactorised = self.reweight()?;
-        self.iteration += 1;
-        Ok(StepReport {
-            iteration: self.iteration,
-            inner: global.inner,
-            refactorised,
-            accepted: true,
-            energy_z: local.value_after,
-            local,
-        })
+        let local = self.local_half(); // W(10b), W(10c)
+        self.global_half(local) // W(10a), W(22)-(23)
     }
 
     fn x(&self) -> &[f64] {
@@ -172,5 +210,13 @@ impl Method for Admm {
         }
         let relative = |part2: f64| (part2 / residual.size2.max(f64::MIN_POSITIVE)).sqrt();
         Residuals { primal: relative(residual.gap2), dual: relative(self.moved2) }
+    }
+
+    fn factor_bytes(&self) -> u64 {
+        self.normal.factor_bytes()
+    }
+
+    fn into_problem(self: Box<Self>) -> Problem {
+        self.problem
     }
 }

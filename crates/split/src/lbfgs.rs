@@ -1,7 +1,6 @@
 //! The global step with rotation awareness: L-BFGS preconditioned by the normal matrix, W section 4.1.
 
-use crate::history::History;
-use crate::{GlobalReport, GlobalStep, NormalMatrix, Objective, Precision, SystemError, vector};
+use crate::{GlobalReport, GlobalStep, NormalMatrix, Objective, Pairs, Precision, SystemError, vector};
 
 /// Which step the stopping rule W(17) looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +44,7 @@ impl Default for LbfgsSettings {
 /// L-BFGS whose first Hessian is the normal matrix, W(5a). Pairs are kept from one global step to the next.
 pub struct Lbfgs {
     settings: LbfgsSettings,
-    history: History,
+    pairs: Pairs,
     g: Vec<f64>, // gradient at x
     q: Vec<f64>, // H g, the step is -q
     g_new: Vec<f64>,
@@ -54,13 +53,13 @@ pub struct Lbfgs {
 impl Lbfgs {
     /// With an empty history.
     pub fn new(settings: LbfgsSettings) -> Self {
-        let history = History::new(settings.window);
-        Lbfgs { settings, history, g: Vec::new(), q: Vec::new(), g_new: Vec::new() }
+        let pairs = Pairs::new(settings.window);
+        Lbfgs { settings, pairs, g: Vec::new(), q: Vec::new(), g_new: Vec::new() }
     }
 
     /// q <- H g; returns g . q.
     fn direction(&mut self, normal: &mut NormalMatrix) -> Result<f64, SystemError> {
-        self.history.multiply(&self.g, &mut self.q, |q| normal.solve(q))
+        self.pairs.direction(&self.g, &mut self.q, normal)
     }
 }
 
@@ -90,7 +89,7 @@ impl GlobalStep for Lbfgs {
             let mut slope = self.direction(normal)?;
             report.solves += 1;
             let descends = slope > 0.0 && slope.is_finite();
-            if !descends && !self.history.is_empty() {
+            if !descends && !self.pairs.is_empty() {
                 // The history has lost its way; the first Hessian alone is positive definite.
                 self.reset();
                 report.shortened += 1;
@@ -114,7 +113,11 @@ impl GlobalStep for Lbfgs {
             value = arrived.value;
             report.energy = arrived.energy;
             report.inner += 1;
-            self.history.push(t, &self.q, &self.g_new, &self.g);
+            let (g, q, g_new) = (&self.g, &self.q, &self.g_new);
+            self.pairs.remember(n, |s, y| {
+                vector::scale_to(s, -t, q);
+                vector::subtract(y, g_new, g);
+            });
             std::mem::swap(&mut self.g, &mut self.g_new);
             if self.settings.stop == InnerStop::StepTaken && slope < enough {
                 break;
@@ -128,6 +131,6 @@ impl GlobalStep for Lbfgs {
     }
 
     fn reset(&mut self) {
-        self.history.clear();
+        self.pairs.clear();
     }
 }

@@ -14,24 +14,39 @@
 //!
 //! This crate knows no mesh, no energy and no application; it neither prints nor reads a clock.
 
+mod accelerated;
 mod admm;
+mod anderson;
+mod blend;
 mod global;
-mod history;
+mod guard;
 mod lbfgs;
+mod line_search;
 mod method;
+mod pairs;
 mod problem;
+mod quasi_newton;
 mod reweight;
 mod run;
 mod system;
 mod term;
 pub mod vector;
 
+pub use accelerated::{AaAdmm, Aadr, Accelerated, Acceleration, CombinedResidual, Envelope, Merit};
 pub use admm::{Admm, AdmmSettings};
+pub use anderson::Anderson;
+pub use blend::Blend;
 pub use global::{Direct, GlobalReport, GlobalStep, Objective};
+pub use guard::InversionGuard;
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
+pub use line_search::{Backtracking, Landing, Ray};
 pub use method::{Evaluation, Method, Residuals, StepReport};
+pub use pairs::Pairs;
 pub use problem::{Problem, ProblemError, Quadratic};
+pub use quasi_newton::{QuasiNewton, QuasiNewtonSettings};
 pub use reweight::{Hardening, Range, Reweighting};
-pub use run::{Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, Status, Stop, Verdict, run};
+pub use run::{
+    Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, PatchGradient, Status, Stop, Verdict, run,
+};
 pub use system::{NormalMatrix, Precision, SystemError};
-pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Term};
+pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};

@@ -15,6 +15,8 @@ pub struct StepReport {
     pub accepted: bool,
     /// sum g(z), the energy of the local variable; infinite where the method has none.
     pub energy_z: f64,
+    /// What a safeguard judged the proposed iterate by; none where there is no safeguard.
+    pub merit: Option<f64>,
     /// What the local step did.
     pub local: LocalReport,
 }
@@ -45,7 +47,7 @@ pub trait Method: Send {
     /// One iteration.
     ///
     /// # Errors
-    /// A system that cannot be factored; x is then as before.
+    /// A system that cannot be factored, or a method that finds no way on; x is then as before.
     fn step(&mut self) -> Result<StepReport, SystemError>;
 
     /// Positions, `dim` numbers a node.
@@ -64,4 +66,10 @@ pub trait Method: Send {
     fn residuals(&mut self) -> Residuals {
         Residuals { primal: f64::INFINITY, dual: f64::INFINITY }
     }
+
+    /// Bytes that its factors take, workspace included.
+    fn factor_bytes(&self) -> u64;
+
+    /// Gives the problem back, for another method to go on.
+    fn into_problem(self: Box<Self>) -> Problem;
 }

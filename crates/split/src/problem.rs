@@ -187,6 +187,22 @@ impl Problem {
         report
     }
 
+    /// |l| |H(I)|_F, the characteristic gradient of Zhu, Bridson and Kaufman 2018, section 5: l holds for each free node the
+    /// size of the border of its one-ring at rest (faces of tetrahedra that are opposite to it, edges of triangles), H(I) is
+    /// the Hessian of the density over principal stretches at rest. Where materials differ, each element counts with its own.
+    pub fn patch_gradient(&self) -> f64 {
+        let mut size = vec![0.0; self.n_free];
+        for term in &self.terms {
+            let mut part = vec![0.0; self.n_free];
+            term.add_characteristic_force(&mut part);
+            let mut dimension = 0;
+            term.for_each_element(&mut |nodes| dimension = nodes.len() - 1);
+            // The face opposite to node i has the size K V |D_i|.
+            vector::add_scaled(&mut size, dimension as f64 * term.scale().hessian, &part);
+        }
+        vector::norm(&size)
+    }
+
     /// The problem's characteristic gradient: the norm of the forces that a stress of the size of the rest stiffness
     /// would put on the free nodes, element by element. In the manner of Zhu et al. 2018, section 5.
     pub fn characteristic_gradient(&self) -> f64 {

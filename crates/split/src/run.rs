@@ -142,6 +142,34 @@ impl Stop for GradientTolerance {
     }
 }
 
+/// Converged when |g| <= eps |l| |H(I)|_F and, where the problem has a barrier, nothing is inverted: the termination of Zhu,
+/// Bridson and Kaufman 2018, section 5, see [`crate::Problem::patch_gradient`].
+pub struct PatchGradient {
+    eps: f64,
+    threshold: f64,
+}
+
+impl PatchGradient {
+    /// For a problem.
+    pub fn new(eps: f64, problem: &crate::Problem) -> Self {
+        PatchGradient { eps, threshold: eps * problem.patch_gradient() }
+    }
+}
+
+impl Stop for PatchGradient {
+    fn check(&mut self, method: &mut dyn Method, _: &StepReport) -> Option<Verdict> {
+        let Evaluation { energy, gradient_norm } = method.evaluate();
+        let barred = method.problem().barrier && energy.inverted > 0;
+        (gradient_norm <= self.threshold && !barred).then(|| Verdict {
+            status: Status::Converged,
+            reason: format!(
+                "gradient {gradient_norm:e} is at most {:e}, {:e} of the characteristic gradient of Zhu et al. (--patch-tol)",
+                self.threshold, self.eps
+            ),
+        })
+    }
+}
+
 /// The end of a run.
 #[derive(Clone, Debug)]
 pub struct Outcome {

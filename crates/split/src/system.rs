@@ -42,6 +42,8 @@ pub enum SystemError {
     },
     /// Anything else that the factorisation reports.
     Factor(String),
+    /// No fault of the system: the method cannot make progress, for the reason told.
+    Stalled(String),
 }
 
 impl std::fmt::Display for SystemError {
@@ -54,6 +56,7 @@ impl std::fmt::Display for SystemError {
                 )
             }
             SystemError::Factor(reason) => write!(f, "the system cannot be factored: {reason}"),
+            SystemError::Stalled(reason) => f.write_str(reason),
         }
     }
 }
@@ -150,6 +153,14 @@ impl NormalMatrix {
             Factor::Double(_) => Precision::Double,
             Factor::Single(_) => Precision::Single,
         }
+    }
+
+    /// y <- A x, for all coordinates of the free nodes.
+    ///
+    /// # Errors
+    /// A vector of another length.
+    pub fn multiply(&self, x: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        Ok(self.pattern.multiply(&self.values, x, self.dim, y)?)
     }
 
     /// How often the numbers were factored anew after the first time.

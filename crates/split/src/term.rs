@@ -113,6 +113,18 @@ impl std::ops::AddAssign for Residual {
     }
 }
 
+/// How large and how stiff a batch is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scale {
+    /// sum V
+    pub measure: f64,
+    /// sum w^2
+    pub weight2: f64,
+    /// |H(I)|_F over the stiffness at rest, both of the density over principal stretches; H its Hessian, the stiffness its
+    /// largest eigenvalue, which [`Term::add_characteristic_force`] takes.
+    pub hessian: f64,
+}
+
 /// A batch of like elements: one virtual call a batch and step, everything static inside.
 ///
 /// Positions x are flat, `dim` numbers a node. The first `n_free` nodes are unknowns, the others fixed; gradients have
@@ -151,6 +163,12 @@ pub trait Term: Send + Sync {
     /// sum_i w^2 |D_i|^2 per node as a bound of the gradient's size: adds stiffness * |V D_i| to `size` for each free node
     /// i, the force that a stress of the size of the rest stiffness would put on it.
     fn add_characteristic_force(&self, size: &mut [f64]);
+
+    /// How large and how stiff the batch is.
+    fn scale(&self) -> Scale;
+
+    /// out <- w^2 of the element that each entry of a local vector belongs to; 0 or next to nothing where to none.
+    fn local_weights2(&self, out: &mut [f64]);
 
     /// Works out candidate weights from the stiffness at z, clamped to `range` times the base weight, W(22), and returns
     /// the largest ratio max(w_cand^2/w^2, w^2/w_cand^2), W(23).

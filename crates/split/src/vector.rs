@@ -54,6 +54,18 @@ fn dot_leaf(a: &[f64], b: &[f64]) -> f64 {
     dispatch(DotLeaf(a, b))
 }
 
+/// (a . b, a . c), a being read once.
+pub fn two_dots(a: &[f64], b: &[f64], c: &[f64]) -> (f64, f64) {
+    debug_assert!(a.len() == b.len() && a.len() == c.len());
+    if a.len() <= LEAF {
+        return (dot_leaf(a, b), dot_leaf(a, c));
+    }
+    let m = middle(a.len());
+    let ((a0, a1), (b0, b1), (c0, c1)) = (a.split_at(m), b.split_at(m), c.split_at(m));
+    let (l, r) = rayon::join(|| two_dots(a0, b0, c0), || two_dots(a1, b1, c1));
+    (l.0 + r.0, l.1 + r.1)
+}
+
 /// |a|
 pub fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
@@ -246,6 +258,7 @@ mod tests {
             let scale = norm(&a) * norm(&b) + 1e-300;
             assert!((dot(&a, &b) - want).abs() <= 1e-13 * scale, "n = {n}");
             let (c, d) = (sample(n, 3), sample(n, 4));
+            assert_eq!(two_dots(&a, &b, &c), (dot(&a, &b), dot(&a, &c)), "n = {n}");
             let three = |i: usize| [&b, &c, &d][i].as_slice();
             let mut y = a.clone();
             let dotted = add_combination_then_dot(&mut y, &[2.0, -0.5, 0.25], &three, &a);

@@ -28,14 +28,25 @@ impl Variant {
     }
 }
 
-/// All methods; those with static weights under each multiplier.
+/// All methods; ADMM with static weights, unaccelerated, under each multiplier.
 pub fn all(multipliers: &[f64]) -> Vec<Variant> {
-    let order = [MethodName::Wrapd, MethodName::RAdmm, MethodName::WAdmm, MethodName::AdmmPd];
+    let order = [
+        MethodName::Wrapd,
+        MethodName::RAdmm,
+        MethodName::WAdmm,
+        MethodName::AdmmPd,
+        MethodName::Bcqn,
+        MethodName::Lbfgs,
+        MethodName::Aadr,
+        MethodName::AaAdmm,
+    ];
     order
         .into_iter()
-        .flat_map(|method| match method.is_reweighted() {
-            true => vec![Variant::of(method)],
-            false => multipliers.iter().map(|beta| Variant::scaled(method, *beta)).collect(),
+        .flat_map(|method| match method {
+            MethodName::RAdmm | MethodName::AdmmPd => {
+                multipliers.iter().map(|beta| Variant::scaled(method, *beta)).collect()
+            }
+            _ => vec![Variant::of(method)],
         })
         .collect()
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use proxel::model::energy::{MaterialError, names};
-use proxel::settings::{AdmmSettings, DeformSettings, Material, MethodName, Schedule};
+use proxel::settings::{DeformSettings, Material, MethodName, Schedule};
 
 use crate::args::{SolveArgs, vector};
 use crate::refusal::Refusal;
@@ -92,7 +92,7 @@ pub struct MaterialArgs {
 #[command(next_help_heading = "Method")]
 pub struct MethodArgs {
     /// wrapd: rotation-aware, dynamic weights; r-admm: rotation-aware; w-admm: dynamic weights;
-    /// admm-pd: neither.
+    /// admm-pd: neither; aa-admm, aadr: admm-pd with Anderson acceleration; lbfgs, bcqn: quasi-Newton.
     #[arg(long, value_name = "NAME", value_parser = method_names(), default_value = MethodName::default().as_str())]
     pub method: String,
     /// Where the paper and its authors' code differ, which to follow; default is the fastest.
@@ -113,9 +113,15 @@ pub struct MethodArgs {
     /// Largest weight, in units of the first.
     #[arg(long, value_name = "BETA_MAX", allow_negative_numbers = true)]
     pub weight_max: Option<f64>,
-    /// Pairs that L-BFGS keeps in the global step.
+    /// Pairs that L-BFGS keeps: in the global step, or as a method.
     #[arg(long, value_name = "N")]
     pub window: Option<usize>,
+    /// Differences that Anderson acceleration keeps; with a splitting method that has none, 0, it adds it.
+    #[arg(long, value_name = "M")]
+    pub anderson: Option<usize>,
+    /// Converged, too, when the gradient is this part of the characteristic one of Zhu et al. 2018.
+    #[arg(long, value_name = "EPS", allow_negative_numbers = true)]
+    pub patch_tol: Option<f64>,
     /// How exactly the global step is solved: smaller is more exact.
     #[arg(long, value_name = "KAPPA", allow_negative_numbers = true)]
     pub kappa: Option<f64>,
@@ -152,7 +158,7 @@ impl DeformArgs {
         };
         let mut s = DeformSettings::of(schedule);
         s.method = MethodName::from_name(&self.method.method).unwrap_or_default(); // clap lets no other through
-        self.method.apply(&mut s.admm);
+        self.method.apply(&mut s);
         let m = &self.material;
         s.material =
             Material { energy: m.material.clone(), young: m.young, poisson: m.poisson, mu: m.mu, lambda: m.lambda };
@@ -182,16 +188,29 @@ impl DeformArgs {
 }
 
 impl MethodArgs {
-    fn apply(&self, admm: &mut AdmmSettings) {
+    fn apply(&self, settings: &mut DeformSettings) {
         fn set<T: Copy>(to: &mut T, from: Option<T>) {
             *to = from.unwrap_or(*to);
         }
+        let to = match settings.method {
+            MethodName::Lbfgs => &mut settings.lbfgs.window,
+            MethodName::Bcqn => &mut settings.bcqn.window,
+            _ => &mut settings.admm.window,
+        };
+        set(to, self.window);
+        let to = match settings.method {
+            MethodName::AaAdmm => &mut settings.anderson.aa_admm,
+            MethodName::Aadr => &mut settings.anderson.aadr,
+            _ => &mut settings.anderson.others,
+        };
+        set(to, self.anderson);
+        settings.patch_tol = self.patch_tol;
+        let admm = &mut settings.admm;
         set(&mut admm.weight_scale, self.weight_scale);
         set(&mut admm.reweight_from, self.reweight_from);
         set(&mut admm.reweight_trigger, self.gamma);
         set(&mut admm.weight_min, self.weight_min);
         set(&mut admm.weight_max, self.weight_max);
-        set(&mut admm.window, self.window);
         set(&mut admm.kappa, self.kappa);
         set(&mut admm.max_inner, self.max_inner);
         admm.line_search |= self.line_search;

@@ -35,6 +35,9 @@ pub trait Density<const K: usize>: Send + Sync {
 
     /// The same at rest, W(21).
     fn rest_stiffness(&self) -> f64;
+
+    /// The Frobenius norm of the Hessian at rest.
+    fn rest_hessian_norm(&self) -> f64;
 }
 
 struct ProxKernel<'a, E, const K: usize> {
@@ -158,5 +161,9 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
 
     fn rest_stiffness(&self) -> f64 {
         Energy::rest_stiffness(self)
+    }
+
+    fn rest_hessian_norm(&self) -> f64 {
+        self.hessian([1.0; K]).iter().flatten().map(|h: &f64| h * h).sum::<f64>().sqrt()
     }
 }

@@ -22,7 +22,7 @@ use kernels::{Couple, EnergyIn, EnergyOut, Gap, LocalIn, LocalOut, Penalty, Scra
 use passes::{Chunk, Largest, Nothing, Piece, Shared, Sizes, over_chunks};
 use proxel_linalg::simd::{LANES, dispatch};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Term};
+use proxel_split::{EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term};
 use shape::block;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -339,6 +339,23 @@ where
                 if let Some(size) = size.get_mut(node as usize) {
                     *size += stiffness * self.measure[place] * g.iter().map(|v| v * v).sum::<f64>().sqrt();
                 }
+            }
+        }
+    }
+
+    fn scale(&self) -> Scale {
+        let n = self.chunks.n_elems();
+        Scale {
+            measure: self.measure[..n].iter().sum(),
+            weight2: self.weight2[..n].iter().sum(),
+            hessian: self.energy.rest_hessian_norm() / self.energy.rest_stiffness(),
+        }
+    }
+
+    fn local_weights2(&self, out: &mut [f64]) {
+        for (b, block) in out.chunks_exact_mut(C::LOCAL * LANES).enumerate() {
+            for component in block.chunks_exact_mut(LANES) {
+                component.copy_from_slice(&self.weight2[b * LANES..(b + 1) * LANES]);
             }
         }
     }

@@ -327,7 +327,7 @@ impl Body {
                     SystemError::Singular { node: self.order.get(*node).map_or(*node, |v| *v as usize) }
                 )
             }
-            SystemError::Factor(_) => format!("{}: {e}", self.name),
+            SystemError::Factor(_) | SystemError::Stalled(_) => format!("{}: {e}", self.name),
         }
     }
 }

@@ -117,13 +117,14 @@ where
     type Output = Built;
     fn visit<E: Energy<K>>(self, energy: E) -> Built {
         let admm = &self.settings.admm;
-        let dynamic = self.settings.method.is_reweighted();
+        let method = self.settings.method;
+        let fixed = method.is_splitting() && !method.is_reweighted();
         let stiffness = match admm.base_weight {
             BaseWeight::RestHessian => energy.rest_stiffness(),
             BaseWeight::Slope => energy.slope_stiffness(),
-            BaseWeight::Auto if !dynamic => energy.rest_stiffness(),
-            BaseWeight::Auto if self.settings.method.is_rotation_aware() => energy.slope_stiffness(),
-            BaseWeight::Auto => 0.5 * energy.slope_stiffness(),
+            BaseWeight::Auto if fixed => energy.rest_stiffness(),
+            BaseWeight::Auto if method.is_splitting() && !method.is_rotation_aware() => 0.5 * energy.slope_stiffness(),
+            BaseWeight::Auto => energy.slope_stiffness(),
         };
         let base = stiffness * admm.weight_scale;
         let softening = match admm.candidate {

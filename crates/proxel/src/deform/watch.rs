@@ -70,7 +70,7 @@ impl Observer for Watcher<'_, '_> {
                 position_error: self.body.reference_error(method.x(), &self.start).unwrap_or(f64::INFINITY),
                 primal_residual: residuals.primal,
                 dual_residual: residuals.dual,
-                merit: f64::INFINITY,
+                merit: report.merit.unwrap_or(f64::INFINITY),
                 inner: report.inner,
                 refactorised: report.refactorised,
                 accepted: report.accepted,

@@ -1,20 +1,21 @@
-//! The curvature pairs of L-BFGS and what is made of them.
+//! The history of L-BFGS: curvature pairs, and the inverse Hessian that they stand for.
 
-use crate::vector;
+use crate::{NormalMatrix, SystemError, vector};
 use std::collections::VecDeque;
 
 /// A curvature pair.
 struct Pair {
     s: Vec<f64>,       // change of x
-    y: Vec<f64>,       // change of the gradient
+    y: Vec<f64>,       // change of the gradient, or what stands for it
     s_dot_y: Vec<f64>, // s_i . y of the pairs i up to this one, oldest first
 }
 
-/// The newest pairs of steps and changes of the gradient.
+/// The newest pairs (s, y) of a quasi-Newton method whose first Hessian is the normal matrix, W(5a).
 ///
-/// The two loops of Nocedal and Wright, Algorithm 7.4, are two triangular systems with the products s_i . y_j (Byrd,
-/// Nocedal and Schnabel 1994): so the vectors are read in four passes, not in four for each pair.
-pub(crate) struct History {
+/// Only pairs with s . y > 0 are kept, so that the inverse Hessian they stand for is positive definite. The two loops of
+/// Nocedal and Wright, Algorithm 7.4, are two triangular systems with the products s_i . y_j (Byrd, Nocedal and Schnabel
+/// 1994): so the vectors are read in four passes, not in four for each pair.
+pub struct Pairs {
     window: usize,
     pairs: VecDeque<Pair>, // newest last
     spare: Vec<Pair>,      // storage of dropped pairs
@@ -22,10 +23,10 @@ pub(crate) struct History {
     alpha: Vec<f64>,
 }
 
-impl History {
-    /// Empty, for at most `window` pairs.
+impl Pairs {
+    /// An empty history of at most `window` pairs.
     pub fn new(window: usize) -> Self {
-        History {
+        Pairs {
             window,
             pairs: VecDeque::with_capacity(window + 1),
             spare: Vec::with_capacity(window + 1),
@@ -34,27 +35,25 @@ impl History {
         }
     }
 
-    /// Whether there is no pair.
+    /// Whether there is no pair: the inverse Hessian is A^-1.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
 
-    /// Drops all pairs.
+    /// Forgets all pairs.
     pub fn clear(&mut self) {
         self.spare.extend(self.pairs.drain(..));
     }
 
-    /// q <- H g, where `first` multiplies by the first inverse Hessian H0 in place; returns g . q.
+    /// q <- H g; returns g . q.
     ///
-    /// With R_ij = s_i . y_j for i <= j and D its diagonal: R alpha = S^T g, q = H0 (g - Y alpha),
+    /// With H0 = A^-1, R_ij = s_i . y_j for i <= j and D its diagonal: R alpha = S^T g, q = H0 (g - Y alpha),
     /// R^T c = D alpha - Y^T q, q += S c.
-    pub fn multiply<E>(
-        &mut self,
-        g: &[f64],
-        q: &mut [f64],
-        first: impl FnOnce(&mut [f64]) -> Result<(), E>,
-    ) -> Result<f64, E> {
-        let History { pairs, products, alpha, .. } = self;
+    ///
+    /// # Errors
+    /// A vector of another length than the matrix has.
+    pub fn direction(&mut self, g: &[f64], q: &mut [f64], normal: &mut NormalMatrix) -> Result<f64, SystemError> {
+        let Pairs { pairs, products, alpha, .. } = self;
         let pairs = &*pairs;
         let (s, y) = (|i: usize| pairs[i].s.as_slice(), |i: usize| pairs[i].y.as_slice());
         let m = pairs.len();
@@ -66,7 +65,7 @@ impl History {
             alpha[i] /= pairs[i].s_dot_y[i];
         }
         vector::subtract_combination(q, g, alpha, &y);
-        first(q)?;
+        normal.solve(q)?;
         vector::dots(m, &y, q, products);
         for i in 0..m {
             let mut c = pairs[i].s_dot_y[i] * alpha[i] - products[i];
@@ -78,8 +77,9 @@ impl History {
         Ok(vector::add_combination_then_dot(q, alpha, &s, g))
     }
 
-    /// Keeps the pair of the step -t q from gradient g to g_new; skips it where s . y is not positive, since H must stay so.
-    pub fn push(&mut self, t: f64, q: &[f64], g_new: &[f64], g: &[f64]) {
+    /// Keeps the pair that `fill` writes into (s, y) of length n, in the place of the oldest where the window is full;
+    /// skips it where s . y is not positive.
+    pub fn remember(&mut self, n: usize, fill: impl FnOnce(&mut [f64], &mut [f64])) {
         if self.window == 0 {
             return;
         }
@@ -91,13 +91,8 @@ impl History {
         } else {
             self.spare.pop()
         }
-        .unwrap_or_else(|| Pair {
-            s: vec![0.0; g.len()],
-            y: vec![0.0; g.len()],
-            s_dot_y: Vec::with_capacity(self.window),
-        });
-        vector::subtract(&mut pair.y, g_new, g);
-        vector::scale_to(&mut pair.s, -t, q);
+        .unwrap_or_else(|| Pair { s: vec![0.0; n], y: vec![0.0; n], s_dot_y: Vec::with_capacity(self.window) });
+        fill(&mut pair.s, &mut pair.y);
         let s_y = vector::dot(&pair.s, &pair.y);
         if s_y > 0.0 && s_y.is_finite() {
             let pairs = &self.pairs;

@@ -1,0 +1,75 @@
+//! The Douglas-Rachford envelope.
+
+use super::{Acceleration, CHUNK, Merit};
+use crate::{LocalReport, Problem, vector};
+use rayon::prelude::*;
+
+/// The Douglas-Rachford iteration on s and its envelope (Ouyang et al. 2020; Themelis and Patrinos 2020), for the identity
+/// as coupling:
+///
+/// ```text
+/// z = prox(s),   x = argmin f(x) + 1/2 |W(Dx - (2 z - s))|^2,   G(s) = s + Dx - z
+/// envelope = f(x) + g(z) + <W^2 (s - z), Dx - z> + 1/2 |W(Dx - z)|^2
+/// ```
+///
+/// s is c(Dx) + u of ADMM as it goes into the local step, so that (x, u) carries it and s - z is the new u. With fixed nodes
+/// eliminated f is the quadratic of the problem, or 0.
+pub struct Envelope {
+    weights: Vec<f64>,  // w, an entry for each of z
+    residual: Vec<f64>, // W (Dx - z)
+    scaled_u: Vec<f64>, // W u
+    coupled: Vec<Vec<f64>>,
+}
+
+impl Acceleration for Envelope {
+    const CARRIES_Z: bool = false;
+    const KEEPS_HISTORY: bool = true;
+
+    fn new(problem: &Problem) -> Self {
+        let weights = super::packed_weights(problem);
+        let zeros = vec![0.0; weights.len()];
+        let coupled = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
+        Envelope { residual: zeros.clone(), scaled_u: zeros, weights, coupled }
+    }
+
+    fn reweighted(&mut self, problem: &Problem) {
+        self.weights = super::packed_weights(problem);
+    }
+
+    fn before(&mut self, _: &[Vec<f64>], _: &[Vec<f64>]) {}
+
+    fn after_local(&mut self, _: &[Vec<f64>], _: &[Vec<f64>], _: &LocalReport) -> Option<Merit> {
+        None
+    }
+
+    fn after_global(
+        &mut self,
+        problem: &mut Problem,
+        x: &[f64],
+        p: &[Vec<f64>],
+        u: &[Vec<f64>],
+        local: &LocalReport,
+    ) -> Merit {
+        let (mut residual, mut scaled) = (self.residual.as_mut_slice(), self.scaled_u.as_mut_slice());
+        let mut weights = self.weights.as_slice();
+        for (((term, coupled), p), u) in problem.terms.iter_mut().zip(&mut self.coupled).zip(p).zip(u) {
+            term.couple(x, coupled);
+            let (r_head, r_tail) = residual.split_at_mut(p.len());
+            let (s_head, s_tail) = scaled.split_at_mut(p.len());
+            let (w_head, w_tail) = weights.split_at(p.len());
+            let to = r_head.par_iter_mut().zip(s_head).zip(w_head);
+            to.zip(coupled.par_iter().zip(p).zip(u)).with_min_len(CHUNK).for_each(|(((r, s), w), ((c, p), u))| {
+                *r = w * (c - (p + u));
+                *s = w * u;
+            });
+            (residual, scaled, weights) = (r_tail, s_tail, w_tail);
+        }
+        let f = problem.quadratic.value_and_gradient(x, problem.dim, None);
+        let (square, product) = vector::two_dots(&self.residual, &self.residual, &self.scaled_u);
+        Merit { value: f + local.value_after + product + 0.5 * square, residual: square.sqrt() }
+    }
+
+    fn residual(&self) -> &[f64] {
+        &self.residual
+    }
+}
