@@ -1,7 +1,9 @@
 //! Settings of `deform`, with their defaults: the one place that the command line, the library and bindings take them from.
 
 use proxel_model::energy::{Lame, MaterialError};
-use proxel_split::{Hardening, InnerStop, LbfgsSettings, Range, Reweighting};
+use proxel_split::{
+    Hardening, InnerStop, LbfgsSettings, LinearSolver, Projection, ProjectionRule, Range, Reweighting,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -18,11 +20,28 @@ pub enum MethodName {
     /// Rotation-aware, dynamic weights: Brown and Narain 2021.
     #[default]
     Wrapd,
+    /// WRAPD while it is the faster one, then Newton.
+    Auto,
+    /// Newton on the true Hessian, projected on demand.
+    Newton,
+    /// The same without a factor: truncated conjugate gradients.
+    NewtonCg,
+    /// Newton on a Hessian that is always projected.
+    ProjectedNewton,
 }
 
 impl MethodName {
     /// All of them.
-    pub const ALL: [MethodName; 4] = [MethodName::AdmmPd, MethodName::RAdmm, MethodName::WAdmm, MethodName::Wrapd];
+    pub const ALL: [MethodName; 8] = [
+        MethodName::AdmmPd,
+        MethodName::RAdmm,
+        MethodName::WAdmm,
+        MethodName::Wrapd,
+        MethodName::Auto,
+        MethodName::Newton,
+        MethodName::NewtonCg,
+        MethodName::ProjectedNewton,
+    ];
 
     /// Its name on the command line.
     pub fn as_str(self) -> &'static str {
@@ -31,17 +50,21 @@ impl MethodName {
             MethodName::RAdmm => "r-admm",
             MethodName::WAdmm => "w-admm",
             MethodName::Wrapd => "wrapd",
+            MethodName::Auto => "auto",
+            MethodName::Newton => "newton",
+            MethodName::NewtonCg => "newton-cg",
+            MethodName::ProjectedNewton => "projected-newton",
         }
     }
 
     /// Whether the local variable is the stretch of the polar decomposition.
     pub fn is_rotation_aware(self) -> bool {
-        matches!(self, MethodName::RAdmm | MethodName::Wrapd)
+        !matches!(self, MethodName::AdmmPd | MethodName::WAdmm)
     }
 
     /// Whether weights follow the stiffness.
     pub fn is_reweighted(self) -> bool {
-        matches!(self, MethodName::WAdmm | MethodName::Wrapd)
+        !matches!(self, MethodName::AdmmPd | MethodName::RAdmm)
     }
 }
 
@@ -99,6 +122,71 @@ pub enum InnerStopName {
     StepTaken,
     /// The step to be taken next.
     NextStep,
+}
+
+/// Which Hessian the methods of Newton's kind use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ProjectionName {
+    /// The true one, clamped only where it is not positive definite (Longva et al. 2023).
+    #[default]
+    OnDemand,
+    /// Negative eigenvalues of elements become 0.
+    Clamp,
+    /// Negative eigenvalues of elements become positive.
+    Abs,
+    /// Clamp where the last step went as foretold, absolute where not (Chen et al. 2024).
+    TrustRegion,
+}
+
+/// Settings of the methods of Newton's kind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NewtonSettings {
+    /// Which Hessian is used; for `projected-newton`, on demand means clamp.
+    pub projection: ProjectionName,
+    /// Most iterations with a projected Hessian after the true one was not positive definite.
+    pub back_off: usize,
+    /// Whether the rotation-aware candidate is looked at beside the straight step.
+    pub warp: bool,
+    /// Most conjugate-gradient steps an iteration.
+    pub max_inner: usize,
+    /// Iterations of the splitting before Newton.
+    pub first: usize,
+    /// Experiments.
+    pub cg: bool,
+}
+
+impl Default for NewtonSettings {
+    fn default() -> Self {
+        NewtonSettings { projection: ProjectionName::OnDemand, back_off: 2, warp: true, max_inner: 400, first: 10, cg: false }
+    }
+}
+
+impl NewtonSettings {
+    /// For the method of this name.
+    pub fn of(&self, name: MethodName) -> proxel_split::NewtonSettings {
+        let on_demand = match name {
+            MethodName::ProjectedNewton => ProjectionRule::Always(Projection::Clamp),
+            _ => ProjectionRule::OnDemand { back_off: self.back_off },
+        };
+        proxel_split::NewtonSettings {
+            name: name.as_str().to_string(),
+            solver: match name {
+                MethodName::NewtonCg => LinearSolver::ConjugateGradients,
+                _ if self.cg => LinearSolver::ConjugateGradients,
+                _ => LinearSolver::Factor,
+            },
+            projection: match self.projection {
+                ProjectionName::OnDemand => on_demand,
+                ProjectionName::Clamp => ProjectionRule::Always(Projection::Clamp),
+                ProjectionName::Abs => ProjectionRule::Always(Projection::Absolute),
+                ProjectionName::TrustRegion => ProjectionRule::TrustRegion,
+            },
+            warp: self.warp,
+            max_inner: self.max_inner,
+        }
+    }
 }
 
 /// Settings of the splitting methods.
@@ -248,6 +336,8 @@ pub struct DeformSettings {
     pub schedule: Schedule,
     /// Settings of the splitting methods.
     pub admm: AdmmSettings,
+    /// Settings of the methods of Newton's kind.
+    pub newton: NewtonSettings,
     /// The material where no region says otherwise.
     pub material: Material,
     /// Materials of regions.
@@ -281,6 +371,7 @@ impl DeformSettings {
             method: MethodName::default(),
             schedule,
             admm: AdmmSettings::of(schedule),
+            newton: NewtonSettings::default(),
             material: Material::default(),
             materials: BTreeMap::new(),
             density: 0.0,

@@ -44,10 +44,23 @@ impl Admm {
     ///
     /// # Errors
     /// A problem that does not fit together (as [`SystemError::Factor`]) or a singular system.
-    pub fn new(mut problem: Problem, settings: AdmmSettings) -> Result<Self, SystemError> {
+    pub fn new(problem: Problem, settings: AdmmSettings) -> Result<Self, SystemError> {
         problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
         let normal = NormalMatrix::new(&problem)?;
         let x = problem.x0.clone();
+        Ok(Self::resume(problem, normal, x, settings, 0))
+    }
+
+    /// Goes on from x, where another method has got to after some iterations, with the weights and the matrix of before:
+    /// z = c(D x), u = 0.
+    pub fn resume(
+        mut problem: Problem,
+        normal: NormalMatrix,
+        x: Vec<f64>,
+        mut settings: AdmmSettings,
+        iteration: usize,
+    ) -> Self {
+        settings.global.reset();
         let u: Vec<Vec<f64>> = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
         let mut p = u.clone();
         for (term, p) in problem.terms.iter_mut().zip(&mut p) {
@@ -55,7 +68,7 @@ impl Admm {
         }
         let grad = vec![0.0; problem.n_free * problem.dim];
         let moved2 = f64::INFINITY;
-        Ok(Admm {
+        Admm {
             settings,
             problem,
             normal,
@@ -65,10 +78,10 @@ impl Admm {
             grad,
             moved2,
             settling: Settling::default(),
-            iteration: 0,
+            iteration,
             energy: None,
             evaluation: None,
-        })
+        }
     }
 
     /// Takes the candidate weights where one of them asks for it, W(22)-(23).
@@ -110,9 +123,9 @@ impl Admm {
         &self.u
     }
 
-    /// Gives the problem back, for another method to go on.
-    pub fn into_problem(self) -> Problem {
-        self.problem
+    /// Problem, matrix, positions and settings, for another method to go on.
+    pub fn into_parts(self) -> (Problem, NormalMatrix, Vec<f64>, AdmmSettings) {
+        (self.problem, self.normal, self.x, self.settings)
     }
 }
 
@@ -163,6 +176,14 @@ impl Method for Admm {
             self.energy = Some(energy);
             Evaluation { energy, gradient_norm: vector::norm(&self.grad) }
         })
+    }
+
+    fn factor_bytes(&self) -> u64 {
+        self.normal.factor_bytes()
+    }
+
+    fn into_problem(self: Box<Self>) -> Problem {
+        self.problem
     }
 
     fn residuals(&mut self) -> Residuals {

@@ -15,9 +15,12 @@
 //! This crate knows no mesh, no energy and no application; it neither prints nor reads a clock.
 
 mod admm;
+mod auto;
+mod curvature;
 mod global;
 mod lbfgs;
 mod method;
+mod newton;
 mod problem;
 mod reweight;
 mod run;
@@ -26,9 +29,14 @@ mod term;
 pub mod vector;
 
 pub use admm::{Admm, AdmmSettings};
+pub use auto::{Auto, AutoSettings};
+pub use curvature::{Curvature, Projection};
 pub use global::{Direct, GlobalReport, GlobalStep, Objective};
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
 pub use method::{Evaluation, Method, Residuals, StepReport};
+pub use newton::{
+    Cg, CgEnd, CgReport, FactorCost, Found, Hessian, LinearSolver, Newton, NewtonSettings, ProjectionRule, Search,
+};
 pub use problem::{Problem, ProblemError, Quadratic};
 pub use reweight::{Hardening, Range, Reweighting};
 pub use run::{Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, Status, Stop, Verdict, run};

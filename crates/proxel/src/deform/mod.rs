@@ -17,7 +17,7 @@ use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
 use proxel_split::{
-    Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome, Problem,
+    Admm, AdmmSettings, Auto, AutoSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Newton, Outcome, Problem,
     Residuals, Status,
 };
 use std::time::Instant;
@@ -189,7 +189,24 @@ impl Finished {
 }
 
 /// Puts the method together: parts, no special cases.
-fn method(problem: Problem, settings: &DeformSettings) -> Result<Admm, proxel_split::SystemError> {
+fn method(problem: Problem, settings: &DeformSettings) -> Result<Box<dyn Method>, proxel_split::SystemError> {
+    let name = settings.method;
+    let newton = settings.newton.of(name);
+    Ok(match name {
+        MethodName::Newton | MethodName::NewtonCg | MethodName::ProjectedNewton => {
+            Box::new(Newton::new(problem, newton)?)
+        }
+        MethodName::Auto => {
+            let admm = splitting(problem, settings)?;
+            let settings = AutoSettings { newton, first: settings.newton.first };
+            Box::new(Auto::new(name.as_str().to_string(), admm, settings))
+        }
+        _ => Box::new(splitting(problem, settings)?),
+    })
+}
+
+/// The splitting methods differ in coupling, global step and weights.
+fn splitting(problem: Problem, settings: &DeformSettings) -> Result<Admm, proxel_split::SystemError> {
     let name = settings.method;
     let global: Box<dyn GlobalStep> = match name.is_rotation_aware() {
         true => Box::new(Lbfgs::new(settings.admm.lbfgs())),
@@ -208,15 +225,15 @@ fn solve(
 ) -> Result<Finished, DeformError> {
     let mut method = method(problem, settings).map_err(|e| DeformError(body.explain(&e)))?;
     let setup = began.elapsed().as_secs_f64();
-    let mut tolerance = GradientTolerance::new(settings.tol, &mut method);
+    let mut tolerance = GradientTolerance::new(settings.tol, method.as_mut());
     let reference_gradient = tolerance.reference();
     let mut limit = IterationLimit(settings.max_iters);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
     let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
     let outcome =
-        proxel_split::run(&mut method, &mut [&mut tolerance, &mut cancel, &mut time, &mut limit], &mut watcher);
-    let factor_bytes = method.normal().factor_bytes();
+        proxel_split::run(method.as_mut(), &mut [&mut tolerance, &mut cancel, &mut time, &mut limit], &mut watcher);
+    let factor_bytes = method.factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
     let residuals = method.residuals();
     Ok(Finished { outcome, problem: method.into_problem(), reference_gradient, residuals, factor_bytes, setup, solve })
