@@ -113,7 +113,7 @@ impl Parts {
         method.step().map_err(BenchError::from_display)?;
         let second = take(&method);
         let now = take(&method);
-        let problem = method.into_problem();
+        let problem = method.into_parts().0;
         let normal = NormalMatrix::new(&problem).map_err(BenchError::from_display)?;
         let grad = vec![0.0; problem.n_free * 3];
         let coupled = vec![0.0; problem.terms[0].local_len()];

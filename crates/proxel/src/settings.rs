@@ -2,7 +2,7 @@
 
 use proxel_model::energy::{Lame, MaterialError};
 use proxel_split::{
-    Hardening, InnerStop, LbfgsSettings, LinearSolver, Projection, ProjectionRule, Range, Reweighting,
+    AutoSettings, Hardening, InnerStop, LbfgsSettings, LinearSolver, Projection, ProjectionRule, Range, Reweighting,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -18,9 +18,9 @@ pub enum MethodName {
     /// Linear coupling, dynamic weights.
     WAdmm,
     /// Rotation-aware, dynamic weights: Brown and Narain 2021.
-    #[default]
     Wrapd,
     /// WRAPD while it is the faster one, then Newton.
+    #[default]
     Auto,
     /// Newton on the true Hessian, projected on demand.
     Newton,
@@ -151,15 +151,31 @@ pub struct NewtonSettings {
     pub warp: bool,
     /// Most conjugate-gradient steps an iteration.
     pub max_inner: usize,
-    /// Iterations of the splitting before Newton.
-    pub first: usize,
-    /// Experiments.
-    pub cg: bool,
+    /// `auto` turns to Newton when WRAPD gains less than this part of all it has gained, in the time of a Newton iteration.
+    pub gain: f64,
+    /// Iterations over which that is averaged.
+    pub window: usize,
+    /// Iterations of WRAPD after which `auto` tries Newton anyway.
+    pub longest: usize,
+    /// Iterations of WRAPD after Newton has failed the first time.
+    pub retreat: usize,
+    /// Bytes that `auto` lets a factor of the Hessian take; beyond, it uses conjugate gradients.
+    pub memory: f64,
 }
 
 impl Default for NewtonSettings {
     fn default() -> Self {
-        NewtonSettings { projection: ProjectionName::OnDemand, back_off: 2, warp: true, max_inner: 400, first: 10, cg: false }
+        NewtonSettings {
+            projection: ProjectionName::OnDemand,
+            back_off: 2,
+            warp: true,
+            max_inner: 400,
+            gain: 0.03,
+            window: 5,
+            longest: 200,
+            retreat: 20,
+            memory: 8e9,
+        }
     }
 }
 
@@ -174,7 +190,6 @@ impl NewtonSettings {
             name: name.as_str().to_string(),
             solver: match name {
                 MethodName::NewtonCg => LinearSolver::ConjugateGradients,
-                _ if self.cg => LinearSolver::ConjugateGradients,
                 _ => LinearSolver::Factor,
             },
             projection: match self.projection {
@@ -185,6 +200,18 @@ impl NewtonSettings {
             },
             warp: self.warp,
             max_inner: self.max_inner,
+        }
+    }
+
+    /// For `auto`.
+    pub fn auto(&self) -> AutoSettings {
+        AutoSettings {
+            newton: self.of(MethodName::Auto),
+            gain: self.gain,
+            window: self.window,
+            longest: self.longest,
+            retreat: self.retreat,
+            memory: self.memory,
         }
     }
 }
@@ -406,6 +433,12 @@ impl DeformSettings {
         }
         if a.max_inner == 0 {
             return Err("max_inner is 0; a global step needs at least one inner step".to_string());
+        }
+        let n = &self.newton;
+        positive("newton.gain", n.gain)?;
+        positive("newton.memory", n.memory)?;
+        if n.window == 0 || n.max_inner == 0 {
+            return Err("newton.window or newton.max_inner is 0; both must be at least 1".to_string());
         }
         if self.density < 0.0 || !self.density.is_finite() {
             return Err(format!("density is {}; it must not be negative", self.density));

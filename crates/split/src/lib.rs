@@ -22,6 +22,7 @@ mod lbfgs;
 mod method;
 mod newton;
 mod problem;
+mod progress;
 mod reweight;
 mod run;
 mod system;
@@ -29,7 +30,7 @@ mod term;
 pub mod vector;
 
 pub use admm::{Admm, AdmmSettings};
-pub use auto::{Auto, AutoSettings};
+pub use auto::{Auto, AutoSettings, Gains, Price, solver_for};
 pub use curvature::{Curvature, Projection};
 pub use global::{Direct, GlobalReport, GlobalStep, Objective};
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
@@ -38,6 +39,7 @@ pub use newton::{
     Cg, CgEnd, CgReport, FactorCost, Found, Hessian, LinearSolver, Newton, NewtonSettings, ProjectionRule, Search,
 };
 pub use problem::{Problem, ProblemError, Quadratic};
+pub use progress::NoProgress;
 pub use reweight::{Hardening, Range, Reweighting};
 pub use run::{Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, Status, Stop, Verdict, run};
 pub use system::{NormalMatrix, SystemError};

@@ -251,11 +251,9 @@ impl<T: Scalar> Job<'_, T> {
         // SAFETY: memory laid out for this front; slots were counted by the analysis.
         let added = unsafe {
             if T::SCALED {
-                add_entries(&memory, entries, self.values, block, |row, column| {
-                    self.scale[row_of(row)] * self.scale[node.first + column]
-                })
+                add_entries(&memory, entries, self.values, block, |row| self.scale[row_of(row)])
             } else {
-                add_entries(&memory, entries, self.values, block, |_, _| 1.0)
+                add_entries(&memory, entries, self.values, block, |_| 1.0)
             }
         };
         if let Err((row, column, value)) = added {

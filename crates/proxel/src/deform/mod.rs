@@ -17,7 +17,7 @@ use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
 use proxel_split::{
-    Admm, AdmmSettings, Auto, AutoSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Newton, Outcome, Problem,
+    Admm, AdmmSettings, Auto, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Newton, NoProgress, Outcome, Problem,
     Residuals, Status,
 };
 use std::time::Instant;
@@ -188,18 +188,19 @@ impl Finished {
     }
 }
 
+/// Steps that a method may refuse in a row.
+const REFUSALS: usize = 5;
+
 /// Puts the method together: parts, no special cases.
 fn method(problem: Problem, settings: &DeformSettings) -> Result<Box<dyn Method>, proxel_split::SystemError> {
     let name = settings.method;
-    let newton = settings.newton.of(name);
     Ok(match name {
         MethodName::Newton | MethodName::NewtonCg | MethodName::ProjectedNewton => {
-            Box::new(Newton::new(problem, newton)?)
+            Box::new(Newton::new(problem, settings.newton.of(name))?)
         }
         MethodName::Auto => {
             let admm = splitting(problem, settings)?;
-            let settings = AutoSettings { newton, first: settings.newton.first };
-            Box::new(Auto::new(name.as_str().to_string(), admm, settings))
+            Box::new(Auto::new(name.as_str().to_string(), admm, settings.newton.auto()))
         }
         _ => Box::new(splitting(problem, settings)?),
     })
@@ -228,11 +229,12 @@ fn solve(
     let mut tolerance = GradientTolerance::new(settings.tol, method.as_mut());
     let reference_gradient = tolerance.reference();
     let mut limit = IterationLimit(settings.max_iters);
+    let mut stuck = NoProgress::new(REFUSALS);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
     let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
     let outcome =
-        proxel_split::run(method.as_mut(), &mut [&mut tolerance, &mut cancel, &mut time, &mut limit], &mut watcher);
+        proxel_split::run(method.as_mut(), &mut [&mut tolerance, &mut cancel, &mut time, &mut limit, &mut stuck], &mut watcher);
     let factor_bytes = method.factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
     let residuals = method.residuals();

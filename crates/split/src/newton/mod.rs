@@ -68,7 +68,7 @@ pub struct Newton {
     evaluation: Option<Evaluation>,
     wait: usize,         // iterations before the true Hessian is tried again
     back_off: usize,     // how long the last wait was
-    ratio: f64,          // of the last step, see `Found`
+    last: Found,         // of the last step
     last_gradient: f64,  // norm before the last step
     iteration: usize,
     factorisations: usize,
@@ -112,7 +112,7 @@ impl Newton {
             evaluation: None,
             wait: 0,
             back_off: 0,
-            ratio: 1.0,
+            last: Found { t: 1.0, ratio: 1.0, ..Found::default() },
             last_gradient: f64::INFINITY,
             iteration,
             factorisations: 0,
@@ -122,6 +122,11 @@ impl Newton {
     /// Problem, normal matrix and positions, for another method to go on.
     pub fn into_parts(self) -> (Problem, NormalMatrix, Vec<f64>) {
         (self.problem, self.normal, self.x)
+    }
+
+    /// How the last step was found.
+    pub fn last(&self) -> &Found {
+        &self.last
     }
 
     /// Energy and gradient at x, kept.
@@ -151,7 +156,7 @@ impl Newton {
             ProjectionRule::OnDemand { .. } => [Some(Projection::None), Some(clamp), Some(absolute)],
             ProjectionRule::Always(Projection::Clamp) => [Some(clamp), Some(absolute), None],
             ProjectionRule::Always(projection) => [Some(projection), Some(absolute), None],
-            ProjectionRule::TrustRegion if (self.ratio - 1.0).abs() < TRUSTED => [Some(clamp), Some(absolute), None],
+            ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => [Some(clamp), Some(absolute), None],
             ProjectionRule::TrustRegion => [Some(absolute), None, None],
         }
     }
@@ -199,7 +204,7 @@ impl Newton {
         let projection = match self.settings.projection {
             ProjectionRule::OnDemand { .. } => Projection::None,
             ProjectionRule::Always(projection) => projection,
-            ProjectionRule::TrustRegion if (self.ratio - 1.0).abs() < TRUSTED => Projection::Clamp,
+            ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => Projection::Clamp,
             ProjectionRule::TrustRegion => Projection::Absolute,
         };
         self.hessian.assemble(&mut self.problem, &self.x, projection);
@@ -239,13 +244,13 @@ impl Method for Newton {
         let normal = if self.settings.warp { Some(&mut self.normal) } else { None };
         let found =
             self.search.run(&mut self.problem, normal, &self.x, d, start.energy.value, (slope, curvature))?;
-        self.ratio = found.ratio;
+        self.last = found;
         self.last_gradient = start.gradient_norm;
         let mut accepted = found.energy.is_some();
         if accepted {
             self.x.copy_from_slice(self.search.x());
             self.evaluation = None;
-        } else if -slope <= ROUNDING * start.energy.value.abs().max(-slope) || true {
+        } else {
             // Where rounding hides what a step gains, the gradient still shows it.
             vector::add_scaled(&mut self.x[..d.len()], 1.0, d);
             let energy = self.problem.energy(&self.x, Some(&mut self.new_grad));
