@@ -3,6 +3,8 @@
 mod chunks;
 mod coupling;
 mod curvature;
+#[cfg(test)]
+mod curvature_tests;
 mod density;
 mod kernels;
 mod matrix;
