@@ -2,7 +2,8 @@
 
 use proxel_linalg::simd::Level;
 use proxel_linalg::sparse::{
-    BlockMatrix, Cholesky, MixedCholesky, MixedScratch, Ordering, Scalar, SolveScratch, SparseError, SymPattern, Symbolic,
+    BlockMatrix, Cholesky, MixedCholesky, MixedScratch, Ordering, Scalar, SolveScratch, SparseError, SymPattern,
+    Symbolic,
 };
 use std::sync::Arc;
 

@@ -123,6 +123,11 @@ impl Admm {
         &self.u
     }
 
+    /// Whether every term has second derivatives.
+    pub fn has_curvature(&mut self) -> bool {
+        self.problem.terms.iter_mut().all(|term| term.curvature().is_some())
+    }
+
     /// Problem, matrix, positions and settings, for another method to go on.
     pub fn into_parts(self) -> (Problem, NormalMatrix, Vec<f64>, AdmmSettings) {
         (self.problem, self.normal, self.x, self.settings)

@@ -133,8 +133,8 @@ const SHORT_STEPS: usize = 4;
 const DOUBLINGS: usize = 6;
 
 impl Auto {
-    /// Begins with the splitting.
-    pub fn new(name: String, admm: Admm, mut settings: AutoSettings) -> Self {
+    /// Begins with the splitting, and stays with it where a term has no second derivatives.
+    pub fn new(name: String, mut admm: Admm, mut settings: AutoSettings) -> Self {
         let empty = Problem {
             dim: 1,
             n_free: 0,
@@ -149,6 +149,7 @@ impl Auto {
             LinearSolver::Factor => price.factor,
             LinearSolver::ConjugateGradients => price.gradients,
         };
+        let until = if admm.has_curvature() { 0 } else { usize::MAX };
         Auto {
             name,
             settings,
@@ -157,7 +158,7 @@ impl Auto {
             price,
             gains: Gains::default(),
             iteration: 0,
-            until: 0,
+            until,
             begun: 0,
             retreats: 0,
             short: 0,
@@ -201,7 +202,7 @@ impl Auto {
         let small = self.gains.are_small(energy.value, self.price, &self.settings);
         let fair = energy.inverted == 0 || !self.problem().barrier;
         self.iteration >= self.until
-            && ((small && fair) || self.iteration >= self.begun.max(self.until) + self.settings.longest)
+            && ((small && fair) || self.iteration - self.begun.max(self.until) >= self.settings.longest)
     }
 
     /// After an iteration of Newton: whether it leads nowhere.

@@ -128,12 +128,12 @@ impl GradientTolerance {
 
 impl Stop for GradientTolerance {
     fn check(&mut self, method: &mut dyn Method, report: &StepReport) -> Option<Verdict> {
-        if report.iteration < self.next {
+        if report.iteration < self.next && !method.is_evaluated() {
             return None;
         }
         let Evaluation { energy, gradient_norm } = method.evaluate();
         let far = gradient_norm > 30.0 * self.threshold;
-        self.next = report.iteration + if far && !method.is_evaluated() { FAR } else { 1 };
+        self.next = report.iteration + if far { FAR } else { 1 };
         let barred = method.problem().barrier && energy.inverted > 0;
         (gradient_norm <= self.threshold && !barred).then(|| Verdict {
             status: Status::Converged,

@@ -100,7 +100,9 @@ impl Spoilt {
 pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     let mut tries = Spoilt::all();
     if context.options.quick {
-        tries.retain(|s| matches!(s, Spoilt::Point([0.5, ..]) | Spoilt::Random(1) | Spoilt::Mirrored(1) | Spoilt::Reflected(0)));
+        tries.retain(|s| {
+            matches!(s, Spoilt::Point([0.5, ..]) | Spoilt::Random(1) | Spoilt::Mirrored(1) | Spoilt::Reflected(0))
+        });
     }
     let (mut good, mut all) = (0, 0);
     for name in context.models.clone() {

@@ -41,7 +41,8 @@ where
         self.far.resize(slots * D, 0.0);
         for c in self.all_chunks() {
             let range = self.chunks.slots_of(c);
-            for (to, node) in self.far[range.start * D..range.end * D].chunks_exact_mut(D).zip(self.chunks.nodes_of(c)) {
+            for (to, node) in self.far[range.start * D..range.end * D].chunks_exact_mut(D).zip(self.chunks.nodes_of(c))
+            {
                 match step.get(*node as usize * D..(*node as usize + 1) * D) {
                     Some(from) => to.copy_from_slice(from),
                     None => to.fill(0.0),

@@ -30,10 +30,8 @@ impl<const D: usize, const K: usize> Case<D, K> {
         let rest = Rest::<D, K>::new(&positions, &elements).expect("measured above");
         let x = positions.iter().map(|v| 1.1 * v + amount * random.uniform(-1.0, 1.0)).collect();
         let free = n - 1;
-        let cliques: Vec<Vec<u32>> = elements
-            .chunks(K + 1)
-            .map(|e| e.iter().copied().filter(|v| (*v as usize) < free).collect())
-            .collect();
+        let cliques: Vec<Vec<u32>> =
+            elements.chunks(K + 1).map(|e| e.iter().copied().filter(|v| (*v as usize) < free).collect()).collect();
         let pattern = SymPattern::from_cliques(free, &cliques).expect("nodes in range");
         Case { rest, x, free, pattern }
     }

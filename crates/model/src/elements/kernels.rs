@@ -17,7 +17,7 @@ pub(super) struct Scratch {
     pub stretches: [f64; GROUP * LANES * 3],
     signs: [f64; GROUP * LANES * 3],
     pub at: [f64; GROUP * LANES * KEPT], // what is known of F
-    frame: [f64; GROUP * LANES * KEPT], // of v = c(Dx) + u
+    frame: [f64; GROUP * LANES * KEPT],  // of v = c(Dx) + u
 }
 
 impl Scratch {

@@ -65,8 +65,7 @@ impl<I: Isa, const K: usize> Modes<I, K> {
     #[inline(always)]
     fn load(from: &[f64]) -> Self {
         let zero = F8::<I>::zero();
-        let mut m =
-            Modes { entries: [[zero; K]; K], same: [[zero; K]; K], other: [[zero; K]; K], normal: [zero; K] };
+        let mut m = Modes { entries: [[zero; K]; K], same: [[zero; K]; K], other: [[zero; K]; K], normal: [zero; K] };
         for i in 0..K {
             m.normal[i] = F8::load_at(from, place_of_normal(K, i));
             for j in i..K {

@@ -17,8 +17,8 @@ use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
 use proxel_split::{
-    Admm, AdmmSettings, Auto, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Newton, NoProgress, Outcome, Problem,
-    Residuals, Status,
+    Admm, AdmmSettings, Auto, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Newton,
+    NoProgress, Outcome, Problem, Residuals, Status,
 };
 use std::time::Instant;
 
@@ -233,8 +233,11 @@ fn solve(
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
     let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
-    let outcome =
-        proxel_split::run(method.as_mut(), &mut [&mut tolerance, &mut cancel, &mut time, &mut limit, &mut stuck], &mut watcher);
+    let outcome = proxel_split::run(
+        method.as_mut(),
+        &mut [&mut tolerance, &mut cancel, &mut time, &mut limit, &mut stuck],
+        &mut watcher,
+    );
     let factor_bytes = method.factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
     let residuals = method.residuals();

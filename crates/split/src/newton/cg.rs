@@ -20,8 +20,8 @@ pub struct CgReport {
     pub steps: usize,
     /// How it ended.
     pub end: CgEnd,
-    /// (r . M^-1 r) / (b . M^-1 b) of the residual at the end.
-    pub residual2: f64,
+    /// |H d + g| / |g| at the end.
+    pub residual: f64,
 }
 
 /// The preconditioned conjugate gradient method for H d = -g, which stops where H has no positive curvature along its
@@ -38,7 +38,7 @@ pub struct Cg {
 }
 
 impl Cg {
-    /// Solves until r . M^-1 r <= tolerance^2 g . M^-1 g or `limit` steps are taken. At least one step is taken; where its
+    /// Solves until |H d + g| <= tolerance |g| or `limit` steps are taken. At least one step is taken; where its
     /// curvature is negative already, d is the preconditioned gradient itself.
     ///
     /// # Errors
@@ -62,8 +62,8 @@ impl Cg {
         precondition(&mut self.z)?;
         self.p.copy_from_slice(&self.z);
         let mut rz = vector::dot(&self.r, &self.z);
-        let first = rz;
-        let mut report = CgReport { steps: 0, end: CgEnd::Limit, residual2: 1.0 };
+        let size = vector::norm(g);
+        let mut report = CgReport { steps: 0, end: CgEnd::Limit, residual: 1.0 };
         if !(rz > 0.0 && rz.is_finite()) {
             report.end = CgEnd::Solved;
             return Ok(report);
@@ -82,12 +82,15 @@ impl Cg {
             vector::add_scaled(&mut self.d, alpha, &self.p);
             vector::add_scaled(&mut self.r, -alpha, &self.q);
             report.steps += 1;
+            report.residual = vector::norm(&self.r) / size;
+            if !(report.residual > tolerance) {
+                report.end = CgEnd::Solved;
+                return Ok(report);
+            }
             self.z.copy_from_slice(&self.r);
             precondition(&mut self.z)?;
             let next = vector::dot(&self.r, &self.z);
-            report.residual2 = (next / first).max(0.0);
-            if !(next > tolerance * tolerance * first) {
-                report.end = CgEnd::Solved;
+            if !(next > 0.0) {
                 return Ok(report);
             }
             let beta = next / rz;

@@ -66,10 +66,10 @@ pub struct Newton {
     grad: Vec<f64>,
     new_grad: Vec<f64>,
     evaluation: Option<Evaluation>,
-    wait: usize,         // iterations before the true Hessian is tried again
-    back_off: usize,     // how long the last wait was
-    last: Found,         // of the last step
-    last_gradient: f64,  // norm before the last step
+    wait: usize,        // iterations before the true Hessian is tried again
+    back_off: usize,    // how long the last wait was
+    last: Found,        // of the last step
+    last_gradient: f64, // norm before the last step
     iteration: usize,
     factorisations: usize,
 }
@@ -156,7 +156,9 @@ impl Newton {
             ProjectionRule::OnDemand { .. } => [Some(Projection::None), Some(clamp), Some(absolute)],
             ProjectionRule::Always(Projection::Clamp) => [Some(clamp), Some(absolute), None],
             ProjectionRule::Always(projection) => [Some(projection), Some(absolute), None],
-            ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => [Some(clamp), Some(absolute), None],
+            ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => {
+                [Some(clamp), Some(absolute), None]
+            }
             ProjectionRule::TrustRegion => [Some(absolute), None, None],
         }
     }
@@ -172,7 +174,9 @@ impl Newton {
             if projection == Projection::None {
                 self.back_off = 0;
             }
-            let tolerance = (0.1 * self.here().gradient_norm / self.last_gradient).clamp(1e-6, 1e-2);
+            // As exact as quadratic convergence can use: the gradient falls by the square of its last fall.
+            let fall = self.fall();
+            let tolerance = (0.1 * fall * fall).clamp(1e-6, 1e-2);
             let (matrix, factor, scratch) = self.hessian.parts();
             let Some(factor) = factor else { continue };
             let report = self.cg.solve(
@@ -192,6 +196,12 @@ impl Newton {
         self.by_gradients()
     }
 
+    /// What the last step left of the gradient; 1 before the first.
+    fn fall(&mut self) -> f64 {
+        let norm = self.here().gradient_norm;
+        if self.last_gradient.is_finite() { norm / self.last_gradient } else { 1.0 }
+    }
+
     /// The true Hessian was not positive definite.
     fn delay(&mut self, projection: Projection) {
         if let (ProjectionRule::OnDemand { back_off }, Projection::None) = (self.settings.projection, projection) {
@@ -209,7 +219,7 @@ impl Newton {
         };
         self.hessian.assemble(&mut self.problem, &self.x, projection);
         // Eisenstat and Walker 1996, choice 2.
-        let fall = self.here().gradient_norm / self.last_gradient;
+        let fall = self.fall();
         let tolerance = (0.9 * fall * fall).clamp(1e-5, 0.1);
         let (matrix, normal) = (self.hessian.matrix(), &mut self.normal);
         self.cg.solve(
@@ -242,8 +252,7 @@ impl Method for Newton {
         self.hessian.matrix().multiply(d, &mut self.new_grad)?;
         let curvature = vector::dot(d, &self.new_grad);
         let normal = if self.settings.warp { Some(&mut self.normal) } else { None };
-        let found =
-            self.search.run(&mut self.problem, normal, &self.x, d, start.energy.value, (slope, curvature))?;
+        let found = self.search.run(&mut self.problem, normal, &self.x, d, start.energy.value, (slope, curvature))?;
         self.last = found;
         self.last_gradient = start.gradient_norm;
         let mut accepted = found.energy.is_some();

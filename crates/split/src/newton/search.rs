@@ -11,6 +11,9 @@ const PREDICTED: f64 = 0.9;
 /// Halvings of a step before it is given up.
 const SHORTENINGS: usize = 30;
 
+/// Most doublings of a rotation-aware step.
+const DOUBLINGS: usize = 2;
+
 /// What a search found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Found {
@@ -83,6 +86,9 @@ impl Search {
                     std::mem::swap(&mut self.best, &mut self.warped);
                     found.energy = Some(warped);
                     found.warped = true;
+                    if turn == 0 {
+                        self.lengthen(problem, normal, x, d, warped, &mut found)?;
+                    }
                     return Ok(found);
                 }
             }
@@ -97,6 +103,32 @@ impl Search {
             found.t = least.clamp(0.1 * t, 0.5 * t);
         }
         Ok(found)
+    }
+
+    /// Doubles the rotation-aware step while that lowers the energy: bodies that have far to turn take the same turn again.
+    fn lengthen(
+        &mut self,
+        problem: &mut Problem,
+        normal: &mut NormalMatrix,
+        x: &[f64],
+        d: &[f64],
+        first: EnergyReport,
+        found: &mut Found,
+    ) -> Result<(), SystemError> {
+        let mut least = first;
+        for _ in 0..DOUBLINGS {
+            self.warp(problem, normal, x, d, 2.0 * found.t)?;
+            let longer = problem.energy(&self.warped, None);
+            found.looked += 1;
+            if !(longer.value < least.value) {
+                break;
+            }
+            std::mem::swap(&mut self.best, &mut self.warped);
+            found.t *= 2.0;
+            least = longer;
+        }
+        found.energy = Some(least);
+        Ok(())
     }
 
     /// warped <- the positions whose deformation gradients match the turned and stretched ones best, in the norm of the
