@@ -226,7 +226,7 @@ fn a_warped_step_is_the_step_to_second_order_and_a_turn_exactly() {
         term.add_warped_gradient(&case.x, &scaled, &mut grad);
         grad.iter().zip(&straight).map(|(g, s)| (g + t * s).powi(2)).sum::<f64>().sqrt()
     };
-    let (coarse, fine) = (gap(&mut term, 1e-2), gap(&mut term, 1e-3));
+    let (coarse, fine) = (gap(&mut term, 1e-4), gap(&mut term, 1e-5));
     assert!(coarse > 0.0 && (coarse / fine / 100.0 - 1.0).abs() < 0.2, "{coarse} {fine}");
 
     // All corners of one element turned by 0.3 about z: its F turns by that, up to the fifth order.
