@@ -64,14 +64,16 @@ impl Cg {
         let mut rz = vector::dot(&self.r, &self.z);
         let size = vector::norm(g);
         let mut report = CgReport { steps: 0, end: CgEnd::Limit, residual: 1.0 };
-        if !(rz > 0.0 && rz.is_finite()) {
+        let sound = rz > 0.0 && rz.is_finite();
+        if !sound {
             report.end = CgEnd::Solved;
             return Ok(report);
         }
         while report.steps < limit.max(1) {
             multiply(&self.p, &mut self.q)?;
             let curvature = vector::dot(&self.p, &self.q);
-            if !(curvature > 0.0 && curvature.is_finite()) {
+            let sound = curvature > 0.0 && curvature.is_finite();
+            if !sound {
                 if report.steps == 0 {
                     self.d.copy_from_slice(&self.p);
                 }
@@ -83,14 +85,16 @@ impl Cg {
             vector::add_scaled(&mut self.r, -alpha, &self.q);
             report.steps += 1;
             report.residual = vector::norm(&self.r) / size;
-            if !(report.residual > tolerance) {
+            let open = report.residual > tolerance;
+            if !open {
                 report.end = CgEnd::Solved;
                 return Ok(report);
             }
             self.z.copy_from_slice(&self.r);
             precondition(&mut self.z)?;
             let next = vector::dot(&self.r, &self.z);
-            if !(next > 0.0) {
+            let sound = next > 0.0;
+            if !sound {
                 return Ok(report);
             }
             let beta = next / rz;

@@ -81,7 +81,7 @@ impl Search {
                 self.warp(problem, normal, x, d, t)?;
                 let warped = problem.energy(&self.warped, None);
                 found.looked += 1;
-                let lower = !(warped.value >= straight.value) && warped.value.is_finite();
+                let lower = warped.value < straight.value || !straight.value.is_finite();
                 if lower && warped.value <= enough {
                     std::mem::swap(&mut self.best, &mut self.warped);
                     found.energy = Some(warped);
@@ -120,7 +120,8 @@ impl Search {
             self.warp(problem, normal, x, d, 2.0 * found.t)?;
             let longer = problem.energy(&self.warped, None);
             found.looked += 1;
-            if !(longer.value < least.value) {
+            let lower = longer.value < least.value;
+            if !lower {
                 break;
             }
             std::mem::swap(&mut self.best, &mut self.warped);
