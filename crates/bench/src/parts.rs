@@ -113,7 +113,7 @@ impl Parts {
         method.step().map_err(BenchError::from_display)?;
         let second = take(&method);
         let now = take(&method);
-        let problem = Box::new(method).into_problem();
+        let problem = method.into_parts().0;
         let precision = AdmmSettings::default().lbfgs().precision; // as in the iteration
         let normal = NormalMatrix::with_precision(&problem, precision).map_err(BenchError::from_display)?;
         let grad = vec![0.0; problem.n_free * 3];

@@ -83,3 +83,12 @@ fn a_name_that_is_not_known_is_refused_with_those_that_are() {
         run("table-one", &Options { out: folder("unknown"), ..Options::default() }, &mut |_| ()).expect_err("refused");
     assert!(error.to_string().contains("wrapd-table1"), "{error}");
 }
+
+#[test]
+fn hopeless_starts_of_a_generated_beam_are_solved() {
+    let out = folder("hopeless");
+    let options = Options { out: out.clone(), quick: true, models: vec!["beam".to_string()], ..Options::default() };
+    run("hopeless", &options, &mut |_| ()).expect("hopeless");
+    let text = read(&out, "hopeless.md");
+    assert!(text.contains("4 of 4 runs"), "{text}");
+}

@@ -143,7 +143,7 @@ fn settings_and_usage() {
     refuses("tol", |_| (), &with("--tol -1"), &["tol is -1"]);
     refuses("threads", |_| (), &with("--threads 0"), &["threads is 0"]);
     refuses("scale", |_| (), &with("--weight-scale 0"), &["weight_scale", "positive"]);
-    refuses("method", |_| (), &with("--method newton"), &["'newton'", "wrapd", "admm-pd"]);
+    refuses("method", |_| (), &with("--method simplex"), &["'simplex'", "wrapd", "admm-pd"]);
     refuses("gravity", |_| (), &with("--gravity 1,2"), &["--gravity", "three numbers"]);
     refuses("option", |_| (), &with("--metod wrapd"), &["--metod", "--method", "--help"]);
     refuses("no-out", |_| (), "deform rest.node", &["--out"]);

@@ -2,7 +2,8 @@
 
 use proxel_linalg::simd::Level;
 use proxel_linalg::sparse::{
-    Cholesky, MixedCholesky, MixedScratch, Ordering, Scalar, SolveScratch, SparseError, SymPattern, Symbolic,
+    BlockMatrix, Cholesky, MixedCholesky, MixedScratch, Ordering, Scalar, SolveScratch, SparseError, SymPattern,
+    Symbolic,
 };
 use std::sync::Arc;
 
@@ -361,5 +362,99 @@ fn coordinates_of_a_vertex_are_ordered_together() {
         let one = Symbolic::analyze(&m.pattern, ordering.clone()).unwrap().factor_nnz() as f64;
         let three = Symbolic::analyze(&tripled, ordering.clone()).unwrap().factor_nnz() as f64;
         assert!(three < 9.0 * one, "{ordering:?}: {one} became {three}");
+    }
+}
+
+/// A positive definite matrix of 3 x 3 blocks over a pattern, and the same as a matrix of numbers.
+fn blocks_and_numbers(pattern: &SymPattern) -> (BlockMatrix, SymPattern, Vec<f64>) {
+    let n = pattern.n();
+    let mut matrix = BlockMatrix::new(pattern, 3).expect("small");
+    let mut state = 17u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+    };
+    for j in 0..n {
+        for slot in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+            let block = &mut matrix.values_mut()[slot * 9..slot * 9 + 9];
+            for r in 0..3 {
+                for c in 0..3 {
+                    block[r * 3 + c] = random();
+                }
+            }
+            if pattern.row_idx()[slot] as usize == j {
+                for r in 0..3 {
+                    for c in 0..r {
+                        block[c * 3 + r] = block[r * 3 + c];
+                    }
+                    block[r * 3 + r] += 40.0;
+                }
+            }
+        }
+    }
+    let cliques: Vec<Vec<u32>> = (0..n)
+        .flat_map(|j| pattern.column(j).iter().map(move |i| (*i, j as u32)))
+        .map(|(i, j)| (0..3).flat_map(|r| [3 * i + r, 3 * j + r]).collect())
+        .collect();
+    let numbers = SymPattern::from_cliques(3 * n, &cliques).expect("in range");
+    let mut values = vec![0.0; numbers.nnz()];
+    for j in 0..n {
+        for slot in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+            let i = pattern.row_idx()[slot] as usize;
+            for r in 0..3 {
+                for c in 0..3 {
+                    let at = numbers.slot(3 * i + r, 3 * j + c).expect("a block is whole");
+                    values[at] = matrix.values()[slot * 9 + r * 3 + c];
+                }
+            }
+        }
+    }
+    (matrix, numbers, values)
+}
+
+/// A grid of 9 x 8 vertices, neighbours coupled.
+fn grid_pattern() -> SymPattern {
+    let edges: Vec<[u32; 2]> = (0..72u32)
+        .flat_map(|v| [(v % 9 < 8).then_some([v, v + 1]), (v + 9 < 72).then_some([v, v + 9])])
+        .flatten()
+        .collect();
+    SymPattern::from_edges(72, &edges).expect("a grid")
+}
+
+#[test]
+fn blocks_multiply_and_factor_as_their_numbers_do() {
+    let pattern = grid_pattern();
+    let (mut matrix, numbers, values) = blocks_and_numbers(&pattern);
+    let x: Vec<f64> = (0..216).map(|i| ((i * i) as f64 * 0.37).sin()).collect();
+    let (mut y, mut want) = (vec![0.0; 216], vec![0.0; 216]);
+    matrix.multiply(&x, &mut y).expect("lengths fit");
+    numbers.multiply(&values, &x, 1, &mut want).expect("lengths fit");
+    assert!(y.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-12));
+    for ordering in [Ordering::Auto, Ordering::Natural, Ordering::NestedDissection] {
+        let vertices = Symbolic::analyze(&pattern, ordering).expect("a grid");
+        let symbolic = Arc::new(vertices.expanded(3).expect("small"));
+        assert_eq!((symbolic.n(), symbolic.nnz()), (216, pattern.nnz() * 9));
+        assert!(vertices.expanded(0).is_err() && symbolic.expanded(3).is_err());
+        let mut factor = Cholesky::<f64>::new(symbolic.clone());
+        factor.refactor(matrix.values()).expect("positive definite");
+        let mut solved = y.clone();
+        factor.solve_in_place(&mut solved, 1, &mut SolveScratch::new()).expect("factored");
+        assert!(solved.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12));
+        let mut single = Cholesky::<f32>::new(symbolic);
+        single.refactor_if_definite(matrix.values()).expect("positive definite");
+        solved.copy_from_slice(&y);
+        single.solve_in_place(&mut solved, 1, &mut SolveScratch::new()).expect("factored");
+        assert!(solved.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-4));
+        // A negative eigenvalue is found, and a NaN is named.
+        let diagonal = pattern.diagonal_slot(30) * 9;
+        for (at, value) in [(diagonal + 4, -3.0), (diagonal + 8, f64::NAN)] {
+            let kept = std::mem::replace(&mut matrix.values_mut()[at], value);
+            let error = single.refactor_if_definite(matrix.values()).expect_err("no such factor");
+            match value.is_nan() {
+                true => assert!(matches!(error, SparseError::NonFinite { row: 92, column: 92, .. }), "{error}"),
+                false => assert!(matches!(error, SparseError::NotPositiveDefinite { .. }), "{error}"),
+            }
+            matrix.values_mut()[at] = kept;
+        }
     }
 }

@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
 
-    // Neo-Hookean, Young 1e7, Poisson 0.45, method WRAPD: the defaults, as on the command line. Without a start the free
+    // Neo-Hookean, Young 1e7, Poisson 0.45, method auto: the defaults, as on the command line. Without a start the free
     // vertices follow the fixed ones smoothly.
     let input = DeformInput { rest, fixed, ..DeformInput::default() };
     let result = deform(&input, &DeformSettings::default(), &mut Hooks::default())?;

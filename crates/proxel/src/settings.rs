@@ -5,7 +5,10 @@ mod rivals;
 pub use rivals::{AndersonWindows, QuasiNewton};
 
 use proxel_model::energy::{Lame, MaterialError};
-use proxel_split::{Hardening, InnerStop, LbfgsSettings, Precision, Range, Reweighting};
+use proxel_split::{
+    AutoSettings, Hardening, InnerStop, LbfgsSettings, LinearSolver, Precision, Projection, ProjectionRule, Range,
+    Reweighting,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -20,7 +23,6 @@ pub enum MethodName {
     /// Linear coupling, dynamic weights.
     WAdmm,
     /// Rotation-aware, dynamic weights: Brown and Narain 2021.
-    #[default]
     Wrapd,
     /// L-BFGS on the energy, preconditioned: Liu, Bouaziz and Kavan 2017.
     Lbfgs,
@@ -30,11 +32,20 @@ pub enum MethodName {
     Aadr,
     /// Anderson-accelerated ADMM: Zhang et al. 2019.
     AaAdmm,
+    /// WRAPD while it is the faster one, then Newton.
+    #[default]
+    Auto,
+    /// Newton on the true Hessian, projected on demand.
+    Newton,
+    /// The same without a factor: truncated conjugate gradients.
+    NewtonCg,
+    /// Newton on a Hessian that is always projected.
+    ProjectedNewton,
 }
 
 impl MethodName {
     /// All of them.
-    pub const ALL: [MethodName; 8] = [
+    pub const ALL: [MethodName; 12] = [
         MethodName::AdmmPd,
         MethodName::RAdmm,
         MethodName::WAdmm,
@@ -43,6 +54,10 @@ impl MethodName {
         MethodName::Bcqn,
         MethodName::Aadr,
         MethodName::AaAdmm,
+        MethodName::Auto,
+        MethodName::Newton,
+        MethodName::NewtonCg,
+        MethodName::ProjectedNewton,
     ];
 
     /// Its name on the command line.
@@ -56,22 +71,28 @@ impl MethodName {
             MethodName::Bcqn => "bcqn",
             MethodName::Aadr => "aadr",
             MethodName::AaAdmm => "aa-admm",
+            MethodName::Auto => "auto",
+            MethodName::Newton => "newton",
+            MethodName::NewtonCg => "newton-cg",
+            MethodName::ProjectedNewton => "projected-newton",
         }
     }
 
     /// Whether the local variable is the stretch of the polar decomposition.
     pub fn is_rotation_aware(self) -> bool {
-        matches!(self, MethodName::RAdmm | MethodName::Wrapd)
+        use MethodName::{Auto, Newton, NewtonCg, ProjectedNewton, RAdmm, Wrapd};
+        matches!(self, RAdmm | Wrapd | Auto | Newton | NewtonCg | ProjectedNewton)
     }
 
     /// Whether it splits the problem, so that its weights have to keep a splitting stable.
     pub fn is_splitting(self) -> bool {
-        !matches!(self, MethodName::Lbfgs | MethodName::Bcqn)
+        use MethodName::{Bcqn, Lbfgs, Newton, NewtonCg, ProjectedNewton};
+        !matches!(self, Lbfgs | Bcqn | Newton | NewtonCg | ProjectedNewton)
     }
 
     /// Whether weights follow the stiffness.
     pub fn is_reweighted(self) -> bool {
-        matches!(self, MethodName::WAdmm | MethodName::Wrapd)
+        matches!(self, MethodName::WAdmm | MethodName::Wrapd | MethodName::Auto)
     }
 }
 
@@ -140,6 +161,98 @@ pub enum PrecisionName {
     Double,
     /// 32 bits.
     Single,
+}
+
+/// Which Hessian the methods of Newton's kind use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ProjectionName {
+    /// The true one, clamped only where it is not positive definite (Longva et al. 2023).
+    #[default]
+    OnDemand,
+    /// Negative eigenvalues of elements become 0.
+    Clamp,
+    /// Negative eigenvalues of elements become positive.
+    Abs,
+    /// Clamp where the last step went as foretold, absolute where not (Chen et al. 2024).
+    TrustRegion,
+}
+
+/// Settings of the methods of Newton's kind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NewtonSettings {
+    /// Which Hessian is used; for `projected-newton`, on demand means clamp.
+    pub projection: ProjectionName,
+    /// Most iterations with a projected Hessian after the true one was not positive definite.
+    pub back_off: usize,
+    /// Whether the rotation-aware candidate is looked at beside the straight step.
+    pub warp: bool,
+    /// Most conjugate-gradient steps an iteration.
+    pub max_inner: usize,
+    /// `auto` turns to Newton when WRAPD gains less than this part of all it has gained, in the time of a Newton iteration.
+    pub gain: f64,
+    /// Iterations over which that is averaged.
+    pub window: usize,
+    /// Iterations of WRAPD after which `auto` tries Newton anyway.
+    pub longest: usize,
+    /// Iterations of WRAPD after Newton has failed the first time.
+    pub retreat: usize,
+    /// Bytes that `auto` lets a factor of the Hessian take; beyond, it uses conjugate gradients.
+    pub memory: f64,
+}
+
+impl Default for NewtonSettings {
+    fn default() -> Self {
+        NewtonSettings {
+            projection: ProjectionName::OnDemand,
+            back_off: 2,
+            warp: true,
+            max_inner: 400,
+            gain: 0.03,
+            window: 5,
+            longest: 200,
+            retreat: 20,
+            memory: 8e9,
+        }
+    }
+}
+
+impl NewtonSettings {
+    /// For the method of this name.
+    pub fn of(&self, name: MethodName) -> proxel_split::NewtonSettings {
+        let on_demand = match name {
+            MethodName::ProjectedNewton => ProjectionRule::Always(Projection::Clamp),
+            _ => ProjectionRule::OnDemand { back_off: self.back_off },
+        };
+        proxel_split::NewtonSettings {
+            name: name.as_str().to_string(),
+            solver: match name {
+                MethodName::NewtonCg => LinearSolver::ConjugateGradients,
+                _ => LinearSolver::Factor,
+            },
+            projection: match self.projection {
+                ProjectionName::OnDemand => on_demand,
+                ProjectionName::Clamp => ProjectionRule::Always(Projection::Clamp),
+                ProjectionName::Abs => ProjectionRule::Always(Projection::Absolute),
+                ProjectionName::TrustRegion => ProjectionRule::TrustRegion,
+            },
+            warp: self.warp,
+            max_inner: self.max_inner,
+        }
+    }
+
+    /// For `auto`.
+    pub fn auto(&self) -> AutoSettings {
+        AutoSettings {
+            newton: self.of(MethodName::Auto),
+            gain: self.gain,
+            window: self.window,
+            longest: self.longest,
+            retreat: self.retreat,
+            memory: self.memory,
+        }
+    }
 }
 
 /// Settings of the splitting methods.
@@ -307,6 +420,8 @@ pub struct DeformSettings {
     pub bcqn: QuasiNewton,
     /// Windows of Anderson acceleration.
     pub anderson: AndersonWindows,
+    /// Settings of the methods of Newton's kind.
+    pub newton: NewtonSettings,
     /// The material where no region says otherwise.
     pub material: Material,
     /// Materials of regions.
@@ -345,6 +460,7 @@ impl DeformSettings {
             lbfgs: QuasiNewton::liu(),
             bcqn: QuasiNewton::zhu(),
             anderson: AndersonWindows::default(),
+            newton: NewtonSettings::default(),
             material: Material::default(),
             materials: BTreeMap::new(),
             density: 0.0,
@@ -385,6 +501,12 @@ impl DeformSettings {
         }
         if a.max_inner == 0 {
             return Err("max_inner is 0; a global step needs at least one inner step".to_string());
+        }
+        let n = &self.newton;
+        positive("newton.gain", n.gain)?;
+        positive("newton.memory", n.memory)?;
+        if n.window == 0 || n.max_inner == 0 {
+            return Err("newton.window or newton.max_inner is 0; both must be at least 1".to_string());
         }
         if self.density < 0.0 || !self.density.is_finite() {
             return Err(format!("density is {}; it must not be negative", self.density));

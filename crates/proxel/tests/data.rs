@@ -2,7 +2,7 @@
 
 use proxel::deform::{DeformInput, Hooks, deform};
 use proxel::mesh::{read_mesh, read_points};
-use proxel::settings::DeformSettings;
+use proxel::settings::{DeformSettings, MethodName};
 use proxel::split::Status;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -44,7 +44,7 @@ fn assert_iterations(model: &str, most: usize) {
         }
     };
     hooks.trace = Some(&mut on_row);
-    let settings = DeformSettings { max_iters: most, ..Default::default() };
+    let settings = DeformSettings { method: MethodName::Wrapd, max_iters: most, ..Default::default() };
     deform(&input(&folder), &settings, &mut hooks).expect("good input");
     assert!(reached.is_some_and(|k| k <= most), "{model}: 1e-4 is not reached in {most} iterations");
 }

@@ -51,10 +51,23 @@ impl Admm {
     ///
     /// # Errors
     /// A problem that does not fit together (as [`SystemError::Factor`]) or a singular system.
-    pub fn new(mut problem: Problem, settings: AdmmSettings) -> Result<Self, SystemError> {
+    pub fn new(problem: Problem, settings: AdmmSettings) -> Result<Self, SystemError> {
         problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
         let normal = NormalMatrix::with_precision(&problem, settings.global.precision())?;
         let x = problem.x0.clone();
+        Ok(Self::resume(problem, normal, x, settings, 0))
+    }
+
+    /// Goes on from x, where another method has got to after some iterations, with the weights and the matrix of before:
+    /// z = c(D x), u = 0.
+    pub fn resume(
+        mut problem: Problem,
+        normal: NormalMatrix,
+        x: Vec<f64>,
+        mut settings: AdmmSettings,
+        iteration: usize,
+    ) -> Self {
+        settings.global.reset();
         let u: Vec<Vec<f64>> = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
         let mut p = u.clone();
         for (term, p) in problem.terms.iter_mut().zip(&mut p) {
@@ -62,7 +75,7 @@ impl Admm {
         }
         let grad = vec![0.0; problem.n_free * problem.dim];
         let moved2 = f64::INFINITY;
-        Ok(Admm {
+        Admm {
             settings,
             problem,
             normal,
@@ -72,10 +85,10 @@ impl Admm {
             grad,
             moved2,
             settling: Settling::default(),
-            iteration: 0,
+            iteration,
             energy: None,
             evaluation: None,
-        })
+        }
     }
 
     /// Takes the candidate weights where one of them asks for it, W(22)-(23).
@@ -171,6 +184,16 @@ impl Admm {
     pub fn u(&self) -> &[Vec<f64>] {
         &self.u
     }
+
+    /// Whether every term has second derivatives.
+    pub fn has_curvature(&mut self) -> bool {
+        self.problem.terms.iter_mut().all(|term| term.curvature().is_some())
+    }
+
+    /// Problem, matrix, positions and settings, for another method to go on.
+    pub fn into_parts(self) -> (Problem, NormalMatrix, Vec<f64>, AdmmSettings) {
+        (self.problem, self.normal, self.x, self.settings)
+    }
 }
 
 impl Method for Admm {
@@ -203,6 +226,14 @@ impl Method for Admm {
         })
     }
 
+    fn factor_bytes(&self) -> u64 {
+        self.normal.factor_bytes()
+    }
+
+    fn into_problem(self: Box<Self>) -> Problem {
+        self.problem
+    }
+
     fn residuals(&mut self) -> Residuals {
         let mut residual = Residual::default();
         for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
@@ -210,13 +241,5 @@ impl Method for Admm {
         }
         let relative = |part2: f64| (part2 / residual.size2.max(f64::MIN_POSITIVE)).sqrt();
         Residuals { primal: relative(residual.gap2), dual: relative(self.moved2) }
-    }
-
-    fn factor_bytes(&self) -> u64 {
-        self.normal.factor_bytes()
-    }
-
-    fn into_problem(self: Box<Self>) -> Problem {
-        self.problem
     }
 }

@@ -17,14 +17,18 @@
 mod accelerated;
 mod admm;
 mod anderson;
+mod auto;
 mod blend;
+mod curvature;
 mod global;
 mod guard;
 mod lbfgs;
 mod line_search;
 mod method;
+mod newton;
 mod pairs;
 mod problem;
+mod progress;
 mod quasi_newton;
 mod reweight;
 mod run;
@@ -35,14 +39,20 @@ pub mod vector;
 pub use accelerated::{AaAdmm, Aadr, Accelerated, Acceleration, CombinedResidual, Envelope, Merit};
 pub use admm::{Admm, AdmmSettings};
 pub use anderson::Anderson;
+pub use auto::{Auto, AutoSettings, Gains, Price, solver_for};
 pub use blend::Blend;
+pub use curvature::{Curvature, Projection};
 pub use global::{Direct, GlobalReport, GlobalStep, Objective};
 pub use guard::InversionGuard;
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
 pub use line_search::{Backtracking, Landing, Ray};
 pub use method::{Evaluation, Method, Residuals, StepReport};
+pub use newton::{
+    Cg, CgEnd, CgReport, FactorCost, Found, Hessian, LinearSolver, Newton, NewtonSettings, ProjectionRule, Search,
+};
 pub use pairs::Pairs;
 pub use problem::{Problem, ProblemError, Quadratic};
+pub use progress::NoProgress;
 pub use quasi_newton::{QuasiNewton, QuasiNewtonSettings};
 pub use reweight::{Hardening, Range, Reweighting};
 pub use run::{

@@ -62,14 +62,19 @@ pub trait Method: Send {
     /// Objective and gradient at x. Worked out once for an x.
     fn evaluate(&mut self) -> Evaluation;
 
+    /// Whether [`Method::evaluate`] costs no more than a step does anyway, so that stops may ask for it at every iteration.
+    fn is_evaluated(&self) -> bool {
+        false
+    }
+
+    /// Bytes of factors, workspace included.
+    fn factor_bytes(&self) -> u64;
+
+    /// Gives the problem back, for another method to go on or for a last look at the energy.
+    fn into_problem(self: Box<Self>) -> Problem;
+
     /// How far the constraints are from holding; worked out when asked for.
     fn residuals(&mut self) -> Residuals {
         Residuals { primal: f64::INFINITY, dual: f64::INFINITY }
     }
-
-    /// Bytes that its factors take, workspace included.
-    fn factor_bytes(&self) -> u64;
-
-    /// Gives the problem back, for another method to go on.
-    fn into_problem(self: Box<Self>) -> Problem;
 }

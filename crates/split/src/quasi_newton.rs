@@ -196,6 +196,10 @@ impl Method for QuasiNewton {
         Evaluation { energy: self.energy, gradient_norm: vector::norm(&self.g) }
     }
 
+    fn is_evaluated(&self) -> bool {
+        true
+    }
+
     fn factor_bytes(&self) -> u64 {
         self.normal.factor_bytes()
     }

@@ -128,7 +128,7 @@ impl GradientTolerance {
 
 impl Stop for GradientTolerance {
     fn check(&mut self, method: &mut dyn Method, report: &StepReport) -> Option<Verdict> {
-        if report.iteration < self.next {
+        if report.iteration < self.next && !method.is_evaluated() {
             return None;
         }
         let Evaluation { energy, gradient_norm } = method.evaluate();

@@ -177,6 +177,11 @@ impl NormalMatrix {
         (factor + workspace) as u64
     }
 
+    /// The analysis of the pattern.
+    pub fn symbolic(&self) -> &Symbolic {
+        &self.symbolic
+    }
+
     /// The values of the lower triangle, for tests and other methods.
     pub fn matrix(&self) -> (&SymPattern, &[f64]) {
         (&self.pattern, &self.values)

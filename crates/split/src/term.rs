@@ -1,6 +1,6 @@
 //! What the splitting needs to know of a batch of like elements.
 
-use crate::Hardening;
+use crate::{Curvature, Hardening};
 use proxel_linalg::sparse::SymPattern;
 
 /// What a local step did, summed over the elements of a batch.
@@ -180,4 +180,9 @@ pub trait Term: Send + Sync {
 
     /// Takes the candidate weights and scales u by w^2/w_cand^2, so that w^2 u, the force, stays; z stays, p follows.
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]);
+
+    /// Second derivatives, where the term has them: what the methods of Newton's kind need.
+    fn curvature(&mut self) -> Option<&mut dyn Curvature> {
+        None
+    }
 }

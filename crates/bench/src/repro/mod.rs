@@ -7,6 +7,7 @@ mod comparison;
 mod context;
 mod figure2;
 mod figure4;
+pub mod hopeless;
 mod schedules;
 mod spring;
 mod sweeps;
@@ -35,7 +36,7 @@ pub struct Reproduction {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 5] = [
+pub const ALL: [Reproduction; 6] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -63,6 +64,13 @@ pub const ALL: [Reproduction; 5] = [
         models: SMALL,
         standalone: false,
         run: sweeps::run,
+    },
+    Reproduction {
+        name: "hopeless",
+        about: "from starts that are collapsed, random, mirrored or reflected: does `auto` end at a stationary point",
+        models: &[],
+        standalone: false,
+        run: hopeless::run,
     },
     Reproduction {
         name: "schedules",

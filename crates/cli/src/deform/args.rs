@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use proxel::model::energy::{MaterialError, names};
-use proxel::settings::{DeformSettings, Material, MethodName, Schedule};
+use proxel::settings::{DeformSettings, Material, MethodName, ProjectionName, Schedule};
 
 use crate::args::{SolveArgs, vector};
 use crate::refusal::Refusal;
@@ -91,13 +91,18 @@ pub struct MaterialArgs {
 #[derive(Args)]
 #[command(next_help_heading = "Method")]
 pub struct MethodArgs {
-    /// wrapd: rotation-aware, dynamic weights; r-admm: rotation-aware; w-admm: dynamic weights;
-    /// admm-pd: neither; aa-admm, aadr: admm-pd with Anderson acceleration; lbfgs, bcqn: quasi-Newton.
+    /// auto: wrapd, then Newton; wrapd: rotation-aware, dynamic weights; r-admm: rotation-aware; w-admm: dynamic
+    /// weights; admm-pd: neither; aa-admm, aadr: admm-pd with Anderson acceleration; lbfgs, bcqn: quasi-Newton;
+    /// newton, newton-cg (without a factor), projected-newton: second-order methods.
     #[arg(long, value_name = "NAME", value_parser = method_names(), default_value = MethodName::default().as_str())]
     pub method: String,
     /// Where the paper and its authors' code differ, which to follow; default is the fastest.
     #[arg(long, value_name = "NAME", value_parser = ["paper", "reference", "default"], default_value = "default")]
     pub schedule: String,
+    /// Hessian of the methods of Newton's kind: the true one, clamped on demand; negative eigenvalues
+    /// set to 0; made positive; or the better of these two at each step.
+    #[arg(long, value_name = "NAME", value_parser = ["on-demand", "clamp", "abs", "trust-region"])]
+    pub projection: Option<String>,
     /// Factor of the squared weights.
     #[arg(long, value_name = "BETA", allow_negative_numbers = true)]
     pub weight_scale: Option<f64>,
@@ -159,6 +164,12 @@ impl DeformArgs {
         let mut s = DeformSettings::of(schedule);
         s.method = MethodName::from_name(&self.method.method).unwrap_or_default(); // clap lets no other through
         self.method.apply(&mut s);
+        s.newton.projection = match self.method.projection.as_deref() {
+            Some("clamp") => ProjectionName::Clamp,
+            Some("abs") => ProjectionName::Abs,
+            Some("trust-region") => ProjectionName::TrustRegion,
+            _ => s.newton.projection,
+        };
         let m = &self.material;
         s.material =
             Material { energy: m.material.clone(), young: m.young, poisson: m.poisson, mu: m.mu, lambda: m.lambda };

@@ -11,8 +11,8 @@ fn panel_place(front: &Front, row: usize, column: usize) -> usize {
     front.block_start(row / front.lanes) * front.lanes + column * front.lanes + row % front.lanes
 }
 
-/// Zeroes the panel and adds the matrix entries, scaled by `scale(row, column)`; keeps the diagonal for the pivot
-/// test. The first entry that is not finite is returned.
+/// Zeroes the panel and adds the matrix entries, in blocks of `block` x `block` by rows, scaled by `scale(row)`
+/// and `scale(column)` of the front; keeps the diagonal for the pivot test. The first entry that is not finite is returned, with its value.
 ///
 /// # Safety
 /// Memory of the size of the front; slots within `values`.
@@ -20,21 +20,31 @@ pub(super) unsafe fn add_entries<T: Scalar>(
     memory: &FrontMemory<T>,
     entries: &[Entry],
     values: &[f64],
-    scale: impl Fn(&Entry) -> f64,
-) -> Result<(), Entry> {
+    block: usize,
+    scale: impl Fn(usize) -> f64,
+) -> Result<(), (usize, usize, f64)> {
     let front = &memory.front;
     let count = front.panel_lines() * T::LANES;
     // SAFETY: the panel has `count` values; entries lie in its trapezoid.
     unsafe {
         std::ptr::write_bytes(memory.panel, 0, count);
         for entry in entries {
-            let value = values[entry.slot];
-            if !value.is_finite() {
-                return Err(*entry);
+            let from = &values[entry.slot * block * block..][..block * block];
+            let (row, column) = (entry.row as usize * block, entry.column as usize * block);
+            for r in 0..block {
+                let columns = if row == column { r + 1 } else { block };
+                let to = memory.panel.add(panel_place(front, row + r, column));
+                let scale_of_row = scale(row + r);
+                for c in 0..columns {
+                    let value = from[if entry.transposed { c * block + r } else { r * block + c }];
+                    if !value.is_finite() {
+                        return Err((row + r, column + c, value));
+                    }
+                    // May overflow where the matrix is far from positive definite; its pivot then says so.
+                    let value = value * (scale_of_row * scale(column + c));
+                    *to.add(c * T::LANES) = T::from_f64(value);
+                }
             }
-            // May overflow where the matrix is far from positive definite; its pivot then says so.
-            let value = value * scale(entry);
-            *memory.panel.add(panel_place(front, entry.row as usize, entry.column as usize)) = T::from_f64(value);
         }
         for k in 0..front.w {
             *memory.diagonal().add(k) = *memory.panel.add(panel_place(front, k, k));

@@ -15,6 +15,7 @@ use crate::simd::Level;
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Column blocks factored before the rows below them, so that those can be shared among threads.
 const BAND: usize = 16;
@@ -94,6 +95,19 @@ impl<T: Scalar> Cholesky<T> {
     /// Values of the wrong length, NaN or infinite; a pivot that is not positive, or that is lost in rounding.
     /// The factor then holds no numbers.
     pub fn refactor(&mut self, values: &[f64]) -> Result<(), SparseError> {
+        self.factor(values, false)
+    }
+
+    /// As [`Self::refactor`], for matrices that may well not be positive definite: all work ends soon after the first pivot
+    /// that fails. Whether one does is the same on any number of threads; which one is named is not.
+    ///
+    /// # Errors
+    /// As [`Self::refactor`].
+    pub fn refactor_if_definite(&mut self, values: &[f64]) -> Result<(), SparseError> {
+        self.factor(values, true)
+    }
+
+    fn factor(&mut self, values: &[f64], stop_early: bool) -> Result<(), SparseError> {
         self.factored = false;
         check_length("values", values.len(), self.symbolic.nnz)?;
         self.arena.reserve(self.layout.arena);
@@ -108,6 +122,8 @@ impl<T: Scalar> Cholesky<T> {
             scale: &self.scale,
             panels: Shared::new(self.panels.as_mut_ptr()),
             arena: Shared::new(self.arena.as_mut_ptr()),
+            stop_early,
+            failed: AtomicBool::new(false),
             precision: PhantomData,
         };
         match job.children(&self.layout.roots) {
@@ -129,16 +145,20 @@ impl<T: Scalar> Cholesky<T> {
         self.scale.clear();
         self.scale.resize(symbolic.n(), 1.0);
         for node in &symbolic.supernodes {
+            let block = symbolic.block;
             for entry in symbolic.entries[node.entries.clone()].iter().filter(|e| e.row == e.column) {
-                let j = node.first + entry.column as usize;
-                let (value, column) = (values[entry.slot], symbolic.permutation.forward()[j] as usize);
-                if !value.is_finite() {
-                    return Err(SparseError::NonFinite { row: column, column, value });
+                for k in 0..block {
+                    let j = node.first + entry.column as usize * block + k;
+                    let value = values[entry.slot * block * block + k * block + k];
+                    let column = symbolic.permutation.forward()[j] as usize;
+                    if !value.is_finite() {
+                        return Err(SparseError::NonFinite { row: column, column, value });
+                    }
+                    if value <= 0.0 {
+                        return Err(SparseError::NotPositiveDefinite { column, pivot: value });
+                    }
+                    self.scale[j] = power_of_two_below(1.0 / value.sqrt());
                 }
-                if value <= 0.0 {
-                    return Err(SparseError::NotPositiveDefinite { column, pivot: value });
-                }
-                self.scale[j] = power_of_two_below(1.0 / value.sqrt());
             }
         }
         Ok(())
@@ -164,6 +184,8 @@ struct Job<'a, T: Scalar> {
     scale: &'a [f64],
     panels: Shared<T>,
     arena: Shared<T>,
+    stop_early: bool,
+    failed: AtomicBool,
     precision: PhantomData<T>,
 }
 
@@ -203,7 +225,15 @@ impl<T: Scalar> Job<'_, T> {
 
     fn group(&self, g: usize) -> Result<(), Failure> {
         for s in self.symbolic.groups[g].supernodes.clone() {
-            self.supernode(s, self.layout.work[g])?;
+            if self.stop_early && self.failed.load(Ordering::Relaxed) {
+                // Another one has failed; its pivot is the one to name.
+                let column = self.symbolic.n();
+                return Err(Failure { column, error: SparseError::NotFactored });
+            }
+            if let Err(failure) = self.supernode(s, self.layout.work[g]) {
+                self.failed.store(true, Ordering::Relaxed);
+                return Err(failure);
+            }
         }
         Ok(())
     }
@@ -212,25 +242,24 @@ impl<T: Scalar> Job<'_, T> {
         let node = &self.symbolic.supernodes[s];
         let memory = self.memory(s, work);
         let old = |row: usize| self.symbolic.permutation.forward()[row] as usize;
-        let row_of = |row: u32| match (row as usize).checked_sub(node.width) {
-            None => node.first + row as usize,
+        let row_of = |row: usize| match row.checked_sub(node.width) {
+            None => node.first + row,
             Some(below) => self.symbolic.rows[node.row_start + below] as usize,
         };
         let entries = &self.symbolic.entries[node.entries.clone()];
+        let block = self.symbolic.block;
         // SAFETY: memory laid out for this front; slots were counted by the analysis.
         let added = unsafe {
             if T::SCALED {
-                add_entries(&memory, entries, self.values, |e| {
-                    self.scale[row_of(e.row)] * self.scale[node.first + e.column as usize]
-                })
+                add_entries(&memory, entries, self.values, block, |row| self.scale[row_of(row)])
             } else {
-                add_entries(&memory, entries, self.values, |_| 1.0)
+                add_entries(&memory, entries, self.values, block, |_| 1.0)
             }
         };
-        if let Err(entry) = added {
-            let column = node.first + entry.column as usize;
-            let (row, value) = (old(row_of(entry.row)), self.values[entry.slot]);
-            return Err(Failure { column, error: SparseError::NonFinite { row, column: old(column), value } });
+        if let Err((row, column, value)) = added {
+            let column = node.first + column;
+            let error = SparseError::NonFinite { row: old(row_of(row)), column: old(column), value };
+            return Err(Failure { column, error });
         }
         self.add_children(s, &memory, Part::Panel);
         self.factor_panel(&memory).map_err(|bad| {

@@ -30,15 +30,14 @@ impl Lines {
         if lines == 0 {
             return Self::default();
         }
+        #[cfg(target_os = "linux")]
+        if let Some(start) = pages::take(lines.saturating_mul(size_of::<Line>())) {
+            return Self { start: start.cast(), lines };
+        }
         let layout = Self::layout(lines);
         // SAFETY: the layout is not empty; the memory is written before it is used.
         unsafe {
             let Some(start) = NonNull::new(alloc(layout).cast::<Line>()) else { handle_alloc_error(layout) };
-            #[cfg(target_os = "linux")]
-            if layout.align() == HUGE_PAGE {
-                // Advice only: without it all is as before.
-                libc::madvise(start.as_ptr().cast(), layout.size(), libc::MADV_HUGEPAGE);
-            }
             start.as_ptr().write_bytes(0, lines);
             Self { start, lines }
         }
@@ -46,8 +45,7 @@ impl Lines {
 
     fn layout(lines: usize) -> Layout {
         let size = lines.saturating_mul(size_of::<Line>());
-        let align = if size >= 2 * HUGE_PAGE { HUGE_PAGE } else { align_of::<Line>() };
-        let Ok(layout) = Layout::from_size_align(size, align) else {
+        let Ok(layout) = Layout::from_size_align(size, align_of::<Line>()) else {
             // More than the address space: the same end as memory that ran out.
             handle_alloc_error(Layout::new::<Line>())
         };
@@ -77,10 +75,73 @@ impl Lines {
 
 impl Drop for Lines {
     fn drop(&mut self) {
-        if self.lines > 0 {
-            // SAFETY: taken in `new` with this layout.
-            unsafe { dealloc(self.start.as_ptr().cast(), Self::layout(self.lines)) }
+        if self.lines == 0 {
+            return;
         }
+        #[cfg(target_os = "linux")]
+        // SAFETY: taken in `new` with this size, and by `pages::take` if that takes stores of this size.
+        if unsafe { pages::give_back(self.start.cast(), self.lines * size_of::<Line>()) } {
+            return;
+        }
+        // SAFETY: taken in `new` with this layout.
+        unsafe { dealloc(self.start.as_ptr().cast(), Self::layout(self.lines)) }
+    }
+}
+
+/// Large stores come from the system as pages that are zero and not there until they are touched: the threads that use them
+/// fetch them side by side, and what a task never needs is never fetched.
+#[cfg(target_os = "linux")]
+mod pages {
+    use super::{HUGE_PAGE, NonNull};
+
+    /// Whether a store of this size is taken here.
+    fn is_large(size: usize) -> bool {
+        (2 * HUGE_PAGE..=isize::MAX as usize - 2 * HUGE_PAGE).contains(&size)
+    }
+
+    fn rounded(size: usize) -> usize {
+        size.next_multiple_of(HUGE_PAGE)
+    }
+
+    /// Zeroed memory at the start of a huge page; none for small stores.
+    pub fn take(size: usize) -> Option<NonNull<u8>> {
+        if !is_large(size) {
+            return None;
+        }
+        let (size, whole) = (rounded(size), rounded(size) + HUGE_PAGE);
+        let (rights, kind) = (libc::PROT_READ | libc::PROT_WRITE, libc::MAP_PRIVATE | libc::MAP_ANONYMOUS);
+        // SAFETY: a new mapping, of which the ends around the aligned part are given back.
+        unsafe {
+            let map = libc::mmap(std::ptr::null_mut(), whole, rights, kind, -1, 0);
+            if map == libc::MAP_FAILED {
+                std::alloc::handle_alloc_error(std::alloc::Layout::new::<super::Line>());
+            }
+            let map = map.cast::<u8>();
+            let before = map.align_offset(HUGE_PAGE);
+            if before > 0 {
+                libc::munmap(map.cast(), before);
+            }
+            let after = whole - before - size;
+            if after > 0 {
+                libc::munmap(map.add(before + size).cast(), after);
+            }
+            let start = map.add(before);
+            // Advice only: without it all is as before.
+            libc::madvise(start.cast(), size, libc::MADV_HUGEPAGE);
+            NonNull::new(start)
+        }
+    }
+
+    /// Gives back what `take` took; false where the size is none of its.
+    ///
+    /// # Safety
+    /// If the size is large, `start` comes from `take` with it, and is not used any more.
+    pub unsafe fn give_back(start: NonNull<u8>, size: usize) -> bool {
+        if is_large(size) {
+            // SAFETY: the mapping of `take`.
+            unsafe { libc::munmap(start.as_ptr().cast(), rounded(size)) };
+        }
+        is_large(size)
     }
 }
 

@@ -17,6 +17,8 @@ use std::ops::Range;
 pub struct Symbolic {
     pub(super) permutation: Permutation,
     pub(super) nnz: usize,
+    /// Unknowns a vertex of the pattern, see [`Symbolic::expanded`].
+    pub(super) block: usize,
     pub(super) supernodes: Vec<Supernode>,
     /// Rows below the diagonal block of each supernode, in the new order, ascending.
     pub(super) rows: Vec<u32>,
@@ -27,7 +29,7 @@ pub struct Symbolic {
 }
 
 /// A supernode: `width` columns from `first` over `below` rows.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Supernode {
     pub first: usize,
     pub width: usize,
@@ -43,12 +45,14 @@ pub(super) struct Supernode {
     pub depth: u32,
 }
 
-/// A matrix entry and its place in the front of its supernode.
+/// A matrix entry, or a block of them, and its place in the front of its supernode.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Entry {
     pub slot: usize,
     pub row: u32,
     pub column: u32,
+    /// Whether the elimination order has row and column of the pattern the other way round.
+    pub transposed: bool,
 }
 
 /// A task: a range of supernodes, run in order once the children have run.
@@ -83,6 +87,7 @@ impl Symbolic {
         let mut symbolic = Self {
             permutation,
             nnz: pattern.nnz(),
+            block: 1,
             supernodes: Vec::with_capacity(merged.parent.len()),
             rows: Vec::new(),
             relative: Vec::new(),
@@ -181,8 +186,10 @@ impl Symbolic {
             for k in 0..node.width {
                 let j = node.first + k;
                 for at in lower.ptr[j]..lower.ptr[j + 1] {
-                    let row = place[lower.rows[at] as usize];
-                    self.entries.push(Entry { slot: lower.slots[at], row, column: k as u32 });
+                    let i = lower.rows[at] as usize;
+                    let old = self.permutation.forward();
+                    let transposed = old[i] < old[j];
+                    self.entries.push(Entry { slot: lower.slots[at], row: place[i], column: k as u32, transposed });
                 }
             }
             self.supernodes[s].entries = start..self.entries.len();

@@ -3,8 +3,10 @@
 //! A batch of elements knows its energy by this trait alone, one call for several blocks, so that the geometry (gathering,
 //! decompositions, forces) is compiled once for each shape, not once for each energy and shape.
 
+use super::stretch_hessian::{curvatures, stretch_hessian};
 use crate::energy::Energy;
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
+use proxel_split::Projection;
 
 /// What [`Density::prox`] did, summed over the blocks.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,6 +31,10 @@ pub trait Density<const K: usize>: Send + Sync {
 
     /// Replaces the stretches s by d psi / d s.
     fn gradient(&self, s: &mut [f64]);
+
+    /// The Hessian of psi in the entries of F, in the frame of the stretches s and projected: [`stretch_hessian`] says how
+    /// it is laid out.
+    fn hessian(&self, s: &[f64], projection: Projection, out: &mut [f64]);
 
     /// The largest eigenvalue of the Hessian at s, W(20), element by element.
     fn effective_stiffness(&self, s: &[f64], out: &mut [f64]);
@@ -142,6 +148,30 @@ impl<E: Energy<K>, const K: usize> Kernel for StiffnessKernel<'_, E, K> {
     }
 }
 
+struct HessianKernel<'a, E, const K: usize> {
+    energy: &'a E,
+    s: &'a [f64],
+    projection: Projection,
+    out: &'a mut [f64],
+}
+
+impl<E: Energy<K>, const K: usize> Kernel for HessianKernel<'_, E, K> {
+    type Output = ();
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        for b in 0..self.s.len() / (K * LANES) {
+            let mut s = [F8::<I>::zero(); K];
+            for i in 0..K {
+                s[i] = F8::load_at(self.s, b * K + i);
+            }
+            let h = stretch_hessian(self.energy, s, self.projection);
+            for c in 0..curvatures(K) {
+                h[c].store_at(self.out, b * curvatures(K) + c);
+            }
+        }
+    }
+}
+
 impl<E: Energy<K>, const K: usize> Density<K> for E {
     fn prox(&self, v: &mut [f64], warm: &mut [f64], weight2: &[f64], measure: &[f64], n_elems: usize) -> ProxSums {
         dispatch(ProxKernel::<E, K> { energy: self, v, warm, weight2, measure, n_elems })
@@ -153,6 +183,10 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
 
     fn gradient(&self, s: &mut [f64]) {
         dispatch(GradientKernel::<E, K> { energy: self, s });
+    }
+
+    fn hessian(&self, s: &[f64], projection: Projection, out: &mut [f64]) {
+        dispatch(HessianKernel::<E, K> { energy: self, s, projection, out });
     }
 
     fn effective_stiffness(&self, s: &[f64], out: &mut [f64]) {

@@ -10,15 +10,15 @@ use std::marker::PhantomData;
 use std::ops::Range;
 
 /// Room for one kept decomposition an element, whatever its shape.
-const KEPT: usize = 21;
+pub(super) const KEPT: usize = 21;
 
 /// Scratch of a group.
 pub(super) struct Scratch {
     pub stretches: [f64; GROUP * LANES * 3],
     signs: [f64; GROUP * LANES * 3],
-    at: [f64; GROUP * LANES * KEPT],    // what is known of F
-    frame: [f64; GROUP * LANES * KEPT], // of v = c(Dx) + u
-    inverse: [f64; GROUP * LANES * 9],  // inverse rest edges
+    pub at: [f64; GROUP * LANES * KEPT], // what is known of F
+    frame: [f64; GROUP * LANES * KEPT],  // of v = c(Dx) + u
+    inverse: [f64; GROUP * LANES * 9],   // inverse rest edges
 }
 
 impl Scratch {
@@ -35,7 +35,7 @@ impl Scratch {
 
 /// The positions of a corner of a block.
 #[inline(always)]
-fn corner<I: Isa, const D: usize>(near: &[f64], local: &[u16], k: usize) -> [F8<I>; D] {
+pub(super) fn corner<I: Isa, const D: usize>(near: &[f64], local: &[u16], k: usize) -> [F8<I>; D] {
     let index = &local[k * LANES..(k + 1) * LANES];
     let mut lanes = [[0.0; LANES]; D];
     for l in 0..LANES {
@@ -60,7 +60,7 @@ fn cross<I: Isa, const D: usize>(a: &[F8<I>; D], b: &[F8<I>; D]) -> [F8<I>; 3] {
 /// The rows g_k of the inverse rest edges of block b of a chunk. Those of tetrahedra are worked out from the rest
 /// positions, since their nine numbers cost more to read than to compute; others are kept.
 #[inline(always)]
-fn inverse_edges<I: Isa, const D: usize, const K: usize>(
+pub(super) fn inverse_edges<I: Isa, const D: usize, const K: usize>(
     shared: &Shared<'_, K>,
     chunk: &Chunk<'_>,
     b: usize,
@@ -98,7 +98,7 @@ fn inverse_edges<I: Isa, const D: usize, const K: usize>(
 
 /// F = sum_k (x_k - x_0) g_k^T with g_k the rows of the inverse rest edges.
 #[inline(always)]
-fn deformation_gradient<I: Isa, const D: usize, const K: usize>(
+pub(super) fn deformation_gradient<I: Isa, const D: usize, const K: usize>(
     near: &[f64],
     local: &[u16],
     inverse: &[[F8<I>; K]; K],
@@ -119,7 +119,7 @@ fn deformation_gradient<I: Isa, const D: usize, const K: usize>(
 
 /// Adds scale P g_k^T to the partial sum of corner k of each lane, and the opposite of their sum to corner 0.
 #[inline(always)]
-fn add_forces<I: Isa, const D: usize, const K: usize>(
+pub(super) fn add_forces<I: Isa, const D: usize, const K: usize>(
     p: &[[F8<I>; K]; D],
     scale: F8<I>,
     inverse: &[[F8<I>; K]; K],
@@ -156,7 +156,7 @@ fn add_forces<I: Isa, const D: usize, const K: usize>(
 
 /// What is known of F at block b of a chunk, and the inverse rest edges.
 #[inline(always)]
-fn visit<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(
+pub(super) fn visit<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(
     shared: &Shared<'_, K>,
     chunk: &Chunk<'_>,
     b: usize,

@@ -2,12 +2,18 @@
 
 mod chunks;
 mod coupling;
+mod curvature;
+#[cfg(test)]
+mod curvature_tests;
 mod density;
 mod kernels;
 mod matrix;
+mod pairs;
 mod passes;
 mod rest;
+mod second;
 mod shape;
+mod stretch_hessian;
 #[cfg(test)]
 mod tests;
 
@@ -19,10 +25,11 @@ pub use shape::{Decomposed, Shape, Simplex};
 
 use chunks::{BLOCKS, Chunks};
 use kernels::{Couple, EnergyIn, EnergyOut, Gap, LocalIn, LocalOut, Penalty, Scratch};
+use pairs::Pairs;
 use passes::{Chunk, Largest, Nothing, Piece, Shared, Sizes, over_chunks};
 use proxel_linalg::simd::{LANES, dispatch};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term};
+use proxel_split::{Curvature, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term};
 use shape::block;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -49,6 +56,8 @@ pub struct Elements<const D: usize, const K: usize, C> {
     warm: Vec<f64>,        // [block][K][lane]: stretches of z
     near: Vec<f64>,        // chunk-local positions
     partials: Vec<f64>,    // chunk-local sums of forces
+    pairs: Option<Pairs>,  // where second derivatives go, once asked for
+    far: Vec<f64>,         // chunk-local steps, likewise
     singular_values: bool, // see `with_singular_values`
     softening: f64,        // see `with_softening`
     hardened: Vec<f32>,    // [block][lane]: what hardening made of it, empty until then
@@ -90,6 +99,8 @@ where
             warm: vec![1.0; n_blocks * K * LANES],
             near: vec![0.0; slots],
             partials: vec![0.0; slots],
+            pairs: None,
+            far: Vec::new(),
             chunks,
             singular_values: false,
             softening: 1.0,
@@ -134,6 +145,8 @@ macro_rules! shared {
         }
     };
 }
+
+use shared;
 
 /// The numbers of a group of blocks in a chunk's array with `size` numbers an element.
 fn of_group(group: &Range<usize>, size: usize) -> Range<usize> {
@@ -416,6 +429,10 @@ where
             }
         }
         self.weight2.copy_from_slice(&self.proposed);
+    }
+
+    fn curvature(&mut self) -> Option<&mut dyn Curvature> {
+        Some(self)
     }
 }
 

@@ -17,8 +17,8 @@ use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
 use proxel_split::{
-    AaAdmm, Aadr, Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method,
-    Outcome, PatchGradient, Problem, QuasiNewton, Residuals, Status, Stop, SystemError,
+    AaAdmm, Aadr, Admm, AdmmSettings, Auto, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs,
+    Method, Newton, NoProgress, Outcome, PatchGradient, Problem, QuasiNewton, Residuals, Status, Stop, SystemError,
 };
 use std::time::Instant;
 
@@ -188,33 +188,44 @@ impl Finished {
     }
 }
 
+/// Steps that a method may refuse in a row.
+const REFUSALS: usize = 5;
+
 /// Puts the method together: parts, no special cases.
 fn method(problem: Problem, settings: &DeformSettings) -> Result<Box<dyn Method>, SystemError> {
     let name = settings.method;
-    match name {
-        MethodName::Lbfgs => {
-            let settings = settings.lbfgs.to_method(name.as_str(), false);
-            return Ok(Box::new(QuasiNewton::new(problem, settings)?));
+    Ok(match name {
+        MethodName::Newton | MethodName::NewtonCg | MethodName::ProjectedNewton => {
+            Box::new(Newton::new(problem, settings.newton.of(name))?)
         }
-        MethodName::Bcqn => {
-            let settings = settings.bcqn.to_method(name.as_str(), true);
-            return Ok(Box::new(QuasiNewton::new(problem, settings)?));
+        MethodName::Auto => {
+            let admm = splitting(problem, settings)?;
+            Box::new(Auto::new(name.as_str().to_string(), admm, settings.newton.auto()))
         }
-        _ => {}
-    }
+        MethodName::Lbfgs => Box::new(QuasiNewton::new(problem, settings.lbfgs.to_method(name.as_str(), false))?),
+        MethodName::Bcqn => Box::new(QuasiNewton::new(problem, settings.bcqn.to_method(name.as_str(), true))?),
+        _ => {
+            let admm = splitting(problem, settings)?;
+            let windows = &settings.anderson;
+            match (name, windows.others) {
+                (MethodName::AaAdmm, _) => Box::new(AaAdmm::new(admm, windows.aa_admm)),
+                (MethodName::Aadr, _) => Box::new(Aadr::new(admm, windows.aadr)),
+                (_, 0) => Box::new(admm),
+                (_, window) => Box::new(AaAdmm::new(admm, window)),
+            }
+        }
+    })
+}
+
+/// The splitting methods differ in coupling, global step and weights.
+fn splitting(problem: Problem, settings: &DeformSettings) -> Result<Admm, SystemError> {
+    let name = settings.method;
     let global: Box<dyn GlobalStep> = match name.is_rotation_aware() {
         true => Box::new(Lbfgs::new(settings.admm.lbfgs())),
         false => Box::new(Direct),
     };
     let reweighting = name.is_reweighted().then(|| settings.admm.reweighting(name.is_rotation_aware()));
-    let admm = Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting })?;
-    let windows = &settings.anderson;
-    Ok(match (name, windows.others) {
-        (MethodName::AaAdmm, _) => Box::new(AaAdmm::new(admm, windows.aa_admm)),
-        (MethodName::Aadr, _) => Box::new(Aadr::new(admm, windows.aadr)),
-        (_, 0) => Box::new(admm),
-        (_, window) => Box::new(AaAdmm::new(admm, window)),
-    })
+    Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting })
 }
 
 fn solve(
@@ -226,10 +237,11 @@ fn solve(
 ) -> Result<Finished, DeformError> {
     let mut method = method(problem, settings).map_err(|e| DeformError(body.explain(&e)))?;
     let setup = began.elapsed().as_secs_f64();
-    let mut tolerance = GradientTolerance::new(settings.tol, &mut *method);
+    let mut tolerance = GradientTolerance::new(settings.tol, method.as_mut());
     let reference_gradient = tolerance.reference();
     let mut patch = settings.patch_tol.map(|eps| PatchGradient::new(eps, method.problem()));
     let mut limit = IterationLimit(settings.max_iters);
+    let mut stuck = NoProgress::new(REFUSALS);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
     let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
@@ -237,8 +249,8 @@ fn solve(
     if let Some(patch) = &mut patch {
         stops.push(patch);
     }
-    stops.extend([&mut cancel as &mut dyn Stop, &mut time, &mut limit]);
-    let outcome = proxel_split::run(&mut *method, &mut stops, &mut watcher);
+    stops.extend([&mut cancel as &mut dyn Stop, &mut time, &mut limit, &mut stuck]);
+    let outcome = proxel_split::run(method.as_mut(), &mut stops, &mut watcher);
     let factor_bytes = method.factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
     let residuals = method.residuals();

@@ -1,0 +1,41 @@
+//! Second derivatives of a term.
+
+use proxel_linalg::sparse::SymPattern;
+
+/// What is done to the Hessian of an element before it is added to the others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Projection {
+    /// Nothing: the true Hessian.
+    #[default]
+    None,
+    /// Negative eigenvalues become 0 (Teran et al. 2005).
+    Clamp,
+    /// Negative eigenvalues become positive (Chen et al. 2024).
+    Absolute,
+}
+
+/// The second derivatives of a [`crate::Term`]'s energy E = sum g(c(Dx)), which does not depend on the coupling.
+///
+/// Positions, steps and gradients are flat, `dim` numbers a node; steps, like gradients, cover the free nodes.
+pub trait Curvature {
+    /// Finds the places of the elements' blocks in matrices over `pattern`, which has an entry for each pair of free nodes of
+    /// an element.
+    fn prepare(&mut self, pattern: &SymPattern);
+
+    /// Adds d^2 E / dx^2 to the values of a [`proxel_linalg::sparse::BlockMatrix`] over the prepared pattern, without
+    /// which this does nothing.
+    fn add_hessian(&mut self, x: &[f64], projection: Projection, values: &mut [f64]);
+
+    /// Adds the product of d^2 E / dx^2 at x with a step to `out`, without a matrix.
+    fn add_hessian_product(&mut self, x: &[f64], step: &[f64], projection: Projection, out: &mut [f64]);
+
+    /// Adds the gradient at x of 1/2 sum w^2 |Dx - T|^2 to `grad`, T being what F becomes under a rotation-aware reading of
+    /// a step: with F = U S V^T and dF = U h V^T,
+    ///
+    /// ```text
+    /// T = U exp(omega) (S + h - omega S) V^T,    omega_ij = (h_ij - h_ji) / (s_i + s_j)
+    /// ```
+    ///
+    /// omega turns the element, and what is left of h, a symmetric matrix, stretches it. T = F + dF up to second order.
+    fn add_warped_gradient(&mut self, x: &[f64], step: &[f64], grad: &mut [f64]);
+}

@@ -1,0 +1,113 @@
+//! The Hessian of a problem: assembled, multiplied, factored.
+
+use crate::{NormalMatrix, Problem, Projection, SystemError};
+use proxel_linalg::sparse::{BlockMatrix, Cholesky, SolveScratch, SparseError, Symbolic};
+use std::sync::Arc;
+
+/// d^2 E / dx^2 over the free nodes, and its factor in f32 where one is asked for.
+pub struct Hessian {
+    matrix: BlockMatrix,
+    symbolic: Option<Arc<Symbolic>>, // of the factor
+    factor: Option<Cholesky<f32>>,
+    scratch: SolveScratch,
+}
+
+/// What factoring the Hessian of a problem would take, known from the analysis of the normal matrix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FactorCost {
+    /// Bytes of factor and workspace.
+    pub bytes: f64,
+    /// Multiplications and additions.
+    pub flops: f64,
+    /// Numbers that a solve reads.
+    pub entries: f64,
+}
+
+impl FactorCost {
+    /// The factor of the Hessian has `dim` x `dim` blocks where the normal matrix has numbers.
+    pub fn of(normal: &NormalMatrix, dim: usize) -> Self {
+        let d = dim as f64;
+        let (factor, workspace) = normal.symbolic().factor_bytes::<f32>();
+        FactorCost {
+            bytes: (factor + workspace) as f64 * d * d,
+            flops: normal.symbolic().factor_flops() * d * d * d,
+            entries: normal.symbolic().factor_nnz() as f64 * d * d,
+        }
+    }
+}
+
+impl Hessian {
+    /// Finds the places of the elements' second derivatives in the pattern of the normal matrix.
+    ///
+    /// # Errors
+    /// A term without second derivatives, or more entries than can be numbered.
+    pub fn new(problem: &mut Problem, normal: &NormalMatrix) -> Result<Self, SystemError> {
+        let (pattern, _) = normal.matrix();
+        for (t, term) in problem.terms.iter_mut().enumerate() {
+            match term.curvature() {
+                Some(curvature) => curvature.prepare(pattern),
+                None => {
+                    return Err(SystemError::Factor(format!(
+                        "term {t} has no second derivatives; take a method without them"
+                    )));
+                }
+            }
+        }
+        let matrix = BlockMatrix::new(pattern, problem.dim)?;
+        Ok(Hessian { matrix, symbolic: None, factor: None, scratch: SolveScratch::default() })
+    }
+
+    /// The Hessian at x.
+    pub fn assemble(&mut self, problem: &mut Problem, x: &[f64], projection: Projection) {
+        self.matrix.values_mut().fill(0.0);
+        for term in &mut problem.terms {
+            if let Some(curvature) = term.curvature() {
+                curvature.add_hessian(x, projection, self.matrix.values_mut());
+            }
+        }
+        for (node, k, _) in &problem.quadratic.springs {
+            self.matrix.add_to_diagonal(*node as usize, *k);
+        }
+    }
+
+    /// The matrix as it was assembled.
+    pub fn matrix(&self) -> &BlockMatrix {
+        &self.matrix
+    }
+
+    /// Factors it in f32; false where it is not positive definite to that precision.
+    ///
+    /// # Errors
+    /// Entries that are not finite.
+    pub fn factor(&mut self, normal: &NormalMatrix) -> Result<bool, SystemError> {
+        let factor = match &mut self.factor {
+            Some(factor) => factor,
+            none => {
+                let symbolic = match &self.symbolic {
+                    Some(symbolic) => symbolic.clone(),
+                    None => Arc::new(normal.symbolic().expanded(self.matrix.dim())?),
+                };
+                self.symbolic = Some(symbolic.clone());
+                none.insert(Cholesky::new(symbolic))
+            }
+        };
+        match factor.refactor_if_definite(self.matrix.values()) {
+            Ok(()) => Ok(true),
+            Err(SparseError::NotPositiveDefinite { .. }) => Ok(false),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    /// The product of the matrix with p, and the solution of its factor's system: what [`super::cg::Cg`] asks for.
+    pub(super) fn parts(&mut self) -> (&BlockMatrix, Option<&Cholesky<f32>>, &mut SolveScratch) {
+        (&self.matrix, self.factor.as_ref(), &mut self.scratch)
+    }
+
+    /// Bytes of the factor and its workspace.
+    pub fn factor_bytes(&self) -> u64 {
+        self.factor.as_ref().map_or(0, |factor| {
+            let (factor, workspace) = factor.bytes();
+            (factor + workspace) as u64
+        })
+    }
+}

@@ -1,0 +1,315 @@
+//! Newton's method on the true Hessian, for the end of a minimisation; with [`crate::Auto`], for all of it.
+
+mod cg;
+mod hessian;
+mod search;
+
+pub use cg::{Cg, CgEnd, CgReport};
+pub use hessian::{FactorCost, Hessian};
+pub use search::{Found, Search};
+
+use crate::{
+    EnergyReport, Evaluation, LocalReport, Method, NormalMatrix, Problem, Projection, StepReport, SystemError, vector,
+};
+
+/// How a Newton system is solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LinearSolver {
+    /// An f32 factor of the Hessian, corrected in f64 by a few conjugate-gradient steps.
+    Factor,
+    /// Truncated conjugate gradients preconditioned by the normal matrix: no memory but for vectors and the Hessian.
+    ConjugateGradients,
+}
+
+/// Which Hessian is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProjectionRule {
+    /// The true one; the clamped one only where that is not positive definite, and for up to `back_off` iterations after
+    /// (Longva et al. 2023).
+    OnDemand {
+        /// Most iterations before the true one is tried again.
+        back_off: usize,
+    },
+    /// Always this one.
+    Always(Projection),
+    /// Clamped where the quadratic model foretold the last step well, absolute eigenvalues where not (Chen et al. 2024).
+    TrustRegion,
+}
+
+/// Settings of [`Newton`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewtonSettings {
+    /// Its name, as users give it.
+    pub name: String,
+    /// How systems are solved.
+    pub solver: LinearSolver,
+    /// Which Hessian is used.
+    pub projection: ProjectionRule,
+    /// Whether the rotation-aware candidate is looked at beside the straight step.
+    pub warp: bool,
+    /// Most conjugate-gradient steps an iteration.
+    pub max_inner: usize,
+}
+
+/// A relative change of the energy that may be rounding.
+const ROUNDING: f64 = 1e-12;
+
+/// Newton's method on a [`Problem`].
+pub struct Newton {
+    settings: NewtonSettings,
+    problem: Problem,
+    normal: NormalMatrix,
+    hessian: Hessian,
+    cg: Cg,
+    search: Search,
+    x: Vec<f64>,
+    grad: Vec<f64>,
+    new_grad: Vec<f64>,
+    evaluation: Option<Evaluation>,
+    wait: usize,        // iterations before the true Hessian is tried again
+    back_off: usize,    // how long the last wait was
+    last: Found,        // of the last step
+    last_gradient: f64, // norm before the last step
+    iteration: usize,
+    factorisations: usize,
+}
+
+impl Newton {
+    /// From the problem's start.
+    ///
+    /// # Errors
+    /// A problem that does not fit together, has a term without second derivatives, or a part that hangs on nothing.
+    pub fn new(problem: Problem, settings: NewtonSettings) -> Result<Self, SystemError> {
+        problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
+        let normal = NormalMatrix::new(&problem)?;
+        let x = problem.x0.clone();
+        Self::resume(problem, normal, x, settings, 0)
+    }
+
+    /// Goes on from x, where another method has got to after some iterations, with its normal matrix.
+    ///
+    /// # Errors
+    /// A term without second derivatives.
+    pub fn resume(
+        mut problem: Problem,
+        normal: NormalMatrix,
+        x: Vec<f64>,
+        settings: NewtonSettings,
+        iteration: usize,
+    ) -> Result<Self, SystemError> {
+        let hessian = Hessian::new(&mut problem, &normal)?;
+        let n = problem.n_free * problem.dim;
+        Ok(Newton {
+            settings,
+            problem,
+            normal,
+            hessian,
+            cg: Cg::default(),
+            search: Search::default(),
+            x,
+            grad: vec![0.0; n],
+            new_grad: vec![0.0; n],
+            evaluation: None,
+            wait: 0,
+            back_off: 0,
+            last: Found { t: 1.0, ratio: 1.0, ..Found::default() },
+            last_gradient: f64::INFINITY,
+            iteration,
+            factorisations: 0,
+        })
+    }
+
+    /// Problem, normal matrix and positions, for another method to go on.
+    pub fn into_parts(self) -> (Problem, NormalMatrix, Vec<f64>) {
+        (self.problem, self.normal, self.x)
+    }
+
+    /// How the last step was found.
+    pub fn last(&self) -> &Found {
+        &self.last
+    }
+
+    /// Energy and gradient at x, kept.
+    fn here(&mut self) -> Evaluation {
+        *self.evaluation.get_or_insert_with(|| {
+            let energy = self.problem.energy(&self.x, Some(&mut self.grad));
+            Evaluation { energy, gradient_norm: vector::norm(&self.grad) }
+        })
+    }
+
+    /// The direction, left in `cg.d`; inner steps, and whether the Hessian behind it is the true one.
+    fn direction(&mut self) -> Result<CgReport, SystemError> {
+        match self.settings.solver {
+            LinearSolver::Factor => self.by_factor(),
+            LinearSolver::ConjugateGradients => self.by_gradients(),
+        }
+    }
+
+    /// The Hessian that the rule asks for, first to last.
+    fn projections(&mut self) -> [Option<Projection>; 3] {
+        let (clamp, absolute) = (Projection::Clamp, Projection::Absolute);
+        match self.settings.projection {
+            ProjectionRule::OnDemand { .. } if self.wait > 0 => {
+                self.wait -= 1;
+                [Some(clamp), Some(absolute), None]
+            }
+            ProjectionRule::OnDemand { .. } => [Some(Projection::None), Some(clamp), Some(absolute)],
+            ProjectionRule::Always(Projection::Clamp) => [Some(clamp), Some(absolute), None],
+            ProjectionRule::Always(projection) => [Some(projection), Some(absolute), None],
+            ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => {
+                [Some(clamp), Some(absolute), None]
+            }
+            ProjectionRule::TrustRegion => [Some(absolute), None, None],
+        }
+    }
+
+    fn by_factor(&mut self) -> Result<CgReport, SystemError> {
+        for projection in self.projections().into_iter().flatten() {
+            self.hessian.assemble(&mut self.problem, &self.x, projection);
+            self.factorisations += 1;
+            if !self.hessian.factor(&self.normal)? {
+                self.delay(projection);
+                continue;
+            }
+            if projection == Projection::None {
+                self.back_off = 0;
+            }
+            // As exact as quadratic convergence can use: the gradient falls by the square of its last fall.
+            let fall = self.fall();
+            let tolerance = (0.1 * fall * fall).clamp(1e-6, 1e-2);
+            let (matrix, factor, scratch) = self.hessian.parts();
+            let Some(factor) = factor else { continue };
+            let report = self.cg.solve(
+                &self.grad,
+                tolerance,
+                CORRECTIONS,
+                |p, q| matrix.multiply(p, q).map_err(SystemError::from),
+                |z| factor.solve_in_place(z, 1, scratch).map_err(SystemError::from),
+            )?;
+            if report.end == CgEnd::NegativeCurvature {
+                // The factor's rounding made the matrix definite; its step still descends.
+                self.delay(projection);
+            }
+            return Ok(report);
+        }
+        // Not even absolute eigenvalues can be factored in f32: the normal matrix can.
+        self.by_gradients()
+    }
+
+    /// What the last step left of the gradient; 1 before the first.
+    fn fall(&mut self) -> f64 {
+        let norm = self.here().gradient_norm;
+        if self.last_gradient.is_finite() { norm / self.last_gradient } else { 1.0 }
+    }
+
+    /// The true Hessian was not positive definite.
+    fn delay(&mut self, projection: Projection) {
+        if let (ProjectionRule::OnDemand { back_off }, Projection::None) = (self.settings.projection, projection) {
+            self.wait = self.back_off;
+            self.back_off = (self.back_off + 1).min(back_off);
+        }
+    }
+
+    fn by_gradients(&mut self) -> Result<CgReport, SystemError> {
+        let projection = match self.settings.projection {
+            ProjectionRule::OnDemand { .. } => Projection::None,
+            ProjectionRule::Always(projection) => projection,
+            ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => Projection::Clamp,
+            ProjectionRule::TrustRegion => Projection::Absolute,
+        };
+        self.hessian.assemble(&mut self.problem, &self.x, projection);
+        // Eisenstat and Walker 1996, choice 2.
+        let fall = self.fall();
+        let tolerance = (0.9 * fall * fall).clamp(1e-5, 0.1);
+        let (matrix, normal) = (self.hessian.matrix(), &mut self.normal);
+        self.cg.solve(
+            &self.grad,
+            tolerance,
+            self.settings.max_inner,
+            |p, q| matrix.multiply(p, q).map_err(SystemError::from),
+            |z| normal.solve(z),
+        )
+    }
+}
+
+/// Conjugate-gradient steps that correct an f32 factor.
+const CORRECTIONS: usize = 4;
+
+/// The model is trusted where a step gained what it foretold up to this part.
+const TRUSTED: f64 = 0.1;
+
+impl Method for Newton {
+    fn name(&self) -> &str {
+        &self.settings.name
+    }
+
+    fn step(&mut self) -> Result<StepReport, SystemError> {
+        let start = self.here();
+        let before = self.factorisations;
+        let solved = self.direction()?;
+        let d = &self.cg.d;
+        let slope = vector::dot(&self.grad, d);
+        self.hessian.matrix().multiply(d, &mut self.new_grad)?;
+        let curvature = vector::dot(d, &self.new_grad);
+        let normal = if self.settings.warp { Some(&mut self.normal) } else { None };
+        let found = self.search.run(&mut self.problem, normal, &self.x, d, start.energy.value, (slope, curvature))?;
+        self.last = found;
+        self.last_gradient = start.gradient_norm;
+        let mut accepted = found.energy.is_some();
+        if accepted {
+            self.x.copy_from_slice(self.search.x());
+            self.evaluation = None;
+        } else {
+            // Where rounding hides what a step gains, the gradient still shows it.
+            vector::add_scaled(&mut self.x[..d.len()], 1.0, d);
+            let energy = self.problem.energy(&self.x, Some(&mut self.new_grad));
+            let gradient_norm = vector::norm(&self.new_grad);
+            accepted = gradient_norm < start.gradient_norm
+                && energy.value <= start.energy.value + ROUNDING * start.energy.value.abs();
+            if accepted {
+                std::mem::swap(&mut self.grad, &mut self.new_grad);
+                self.evaluation = Some(Evaluation { energy, gradient_norm });
+            } else {
+                vector::add_scaled(&mut self.x[..d.len()], -1.0, d);
+            }
+        }
+        self.iteration += 1;
+        Ok(StepReport {
+            merit: None,
+            iteration: self.iteration,
+            inner: solved.steps,
+            refactorised: self.factorisations > before,
+            accepted,
+            energy_z: f64::INFINITY,
+            local: LocalReport::default(),
+        })
+    }
+
+    fn x(&self) -> &[f64] {
+        &self.x
+    }
+
+    fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    fn energy(&mut self) -> EnergyReport {
+        self.here().energy
+    }
+
+    fn evaluate(&mut self) -> Evaluation {
+        self.here()
+    }
+
+    fn is_evaluated(&self) -> bool {
+        true
+    }
+
+    fn factor_bytes(&self) -> u64 {
+        self.normal.factor_bytes() + self.hessian.factor_bytes()
+    }
+
+    fn into_problem(self: Box<Self>) -> Problem {
+        self.problem
+    }
+}

@@ -1,0 +1,169 @@
+//! Where a Newton step leads: straight on, or along the rotations that it means.
+
+use crate::{EnergyReport, NormalMatrix, Problem, SystemError, vector};
+
+/// Part of the linear prediction that a step has to gain (Armijo).
+const ARMIJO: f64 = 1e-4;
+
+/// A step that gains this part of what the quadratic model predicts needs no second opinion.
+const PREDICTED: f64 = 0.9;
+
+/// Halvings of a step before it is given up.
+const SHORTENINGS: usize = 30;
+
+/// Most doublings of a rotation-aware step.
+const DOUBLINGS: usize = 2;
+
+/// What a search found.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Found {
+    /// Energy at the new point; none where no point is better.
+    pub energy: Option<EnergyReport>,
+    /// Whether the rotation-aware candidate was taken.
+    pub warped: bool,
+    /// Length of the step taken.
+    pub t: f64,
+    /// (E(x) - E(x + t d)) over the quadratic model's prediction, of the straight step.
+    pub ratio: f64,
+    /// Points looked at.
+    pub looked: usize,
+}
+
+/// Looks for a better point along a direction.
+#[derive(Default)]
+pub struct Search {
+    straight: Vec<f64>,
+    warped: Vec<f64>,
+    best: Vec<f64>,
+    rhs: Vec<f64>,
+    step: Vec<f64>,
+}
+
+impl Search {
+    /// The new point, where one was found.
+    pub fn x(&self) -> &[f64] {
+        &self.best
+    }
+
+    /// Goes from x, where the energy is `start`, along d with `slope` = g . d < 0 and `curvature` = d . H d. The first
+    /// length 1, 1/2, .. at which the straight or the rotation-aware point meets Armijo's condition ends the search, with the
+    /// lower of the two.
+    ///
+    /// # Errors
+    /// A normal matrix that does not fit.
+    pub fn run(
+        &mut self,
+        problem: &mut Problem,
+        normal: Option<&mut NormalMatrix>,
+        x: &[f64],
+        d: &[f64],
+        start: f64,
+        (slope, curvature): (f64, f64),
+    ) -> Result<Found, SystemError> {
+        let mut normal = normal;
+        let mut found = Found { t: 1.0, ..Found::default() };
+        self.best.resize(x.len(), 0.0);
+        for turn in 0..SHORTENINGS {
+            let t = found.t;
+            let enough = start + ARMIJO * t * slope;
+            self.straight.clear();
+            self.straight.extend_from_slice(x);
+            vector::add_scaled(&mut self.straight[..d.len()], t, d);
+            let straight = problem.energy(&self.straight, None);
+            found.looked += 1;
+            let model = t * slope + 0.5 * t * t * curvature;
+            let ratio = (straight.value - start) / model;
+            if turn == 0 {
+                found.ratio = ratio;
+            }
+            let sure = ratio > PREDICTED && model < 0.0;
+            if let (Some(normal), false) = (&mut normal, sure) {
+                self.warp(problem, normal, x, d, t)?;
+                let warped = problem.energy(&self.warped, None);
+                found.looked += 1;
+                let lower = warped.value < straight.value || !straight.value.is_finite();
+                if lower && warped.value <= enough {
+                    std::mem::swap(&mut self.best, &mut self.warped);
+                    found.energy = Some(warped);
+                    found.warped = true;
+                    if turn == 0 {
+                        self.lengthen(problem, normal, x, d, warped, &mut found)?;
+                    }
+                    return Ok(found);
+                }
+            }
+            if straight.value <= enough {
+                std::mem::swap(&mut self.best, &mut self.straight);
+                found.energy = Some(straight);
+                return Ok(found);
+            }
+            // The minimum of the parabola through both ends.
+            let over = straight.value - start - t * slope;
+            let least = if over > 0.0 && over.is_finite() { -0.5 * slope * t * t / over } else { 0.0 };
+            found.t = least.clamp(0.1 * t, 0.5 * t);
+        }
+        Ok(found)
+    }
+
+    /// Doubles the rotation-aware step while that lowers the energy: bodies that have far to turn take the same turn again.
+    fn lengthen(
+        &mut self,
+        problem: &mut Problem,
+        normal: &mut NormalMatrix,
+        x: &[f64],
+        d: &[f64],
+        first: EnergyReport,
+        found: &mut Found,
+    ) -> Result<(), SystemError> {
+        let mut least = first;
+        for _ in 0..DOUBLINGS {
+            self.warp(problem, normal, x, d, 2.0 * found.t)?;
+            let longer = problem.energy(&self.warped, None);
+            found.looked += 1;
+            let lower = longer.value < least.value;
+            if !lower {
+                break;
+            }
+            std::mem::swap(&mut self.best, &mut self.warped);
+            found.t *= 2.0;
+            least = longer;
+        }
+        found.energy = Some(least);
+        Ok(())
+    }
+
+    /// warped <- the positions whose deformation gradients match the turned and stretched ones best, in the norm of the
+    /// normal matrix.
+    fn warp(
+        &mut self,
+        problem: &mut Problem,
+        normal: &mut NormalMatrix,
+        x: &[f64],
+        d: &[f64],
+        t: f64,
+    ) -> Result<(), SystemError> {
+        let n = d.len();
+        self.step.clear();
+        self.step.extend(d.iter().map(|d| t * d));
+        self.rhs.resize(n, 0.0);
+        self.rhs.fill(0.0);
+        for term in &mut problem.terms {
+            if let Some(curvature) = term.curvature() {
+                curvature.add_warped_gradient(x, &self.step, &mut self.rhs);
+            }
+        }
+        for (node, k, _) in &problem.quadratic.springs {
+            for c in 0..problem.dim {
+                let at = *node as usize * problem.dim + c;
+                if at < n {
+                    self.rhs[at] -= k * self.step[at];
+                }
+            }
+        }
+        normal.solve(&mut self.rhs)?;
+        self.warped.clear();
+        self.warped.extend_from_slice(x);
+        vector::add_scaled(&mut self.warped[..n], -1.0, &self.rhs);
+        Ok(())
+    }
+}
