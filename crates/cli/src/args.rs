@@ -181,6 +181,13 @@ pub fn vector(text: &str) -> Result<[f64; 3], String> {
     Ok([number(x)?, number(y)?, number(z)?])
 }
 
+/// Two numbers parted by a comma; the second may be `inf`.
+pub fn pair(text: &str) -> Result<[f64; 2], String> {
+    let (low, high) = text.split_once(',').ok_or("give two numbers parted by a comma, such as 0.95,1.05")?;
+    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is no number"));
+    Ok([number(low)?, number(high)?])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -206,5 +213,7 @@ mod tests {
     fn vectors() {
         assert_eq!(vector("0,-9.81, 1e3"), Ok([0.0, -9.81, 1e3]));
         assert!(vector("1,2").is_err() && vector("1,2,x").is_err());
+        assert_eq!(pair("0.95, inf"), Ok([0.95, f64::INFINITY]));
+        assert!(pair("1").is_err() && pair("1,2,3").is_err());
     }
 }

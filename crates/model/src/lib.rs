@@ -1,5 +1,6 @@
 //! What Proxel minimises: energies (one file each) and the batches of elements that carry them.
 
+pub mod bending;
 pub mod elements;
 pub mod energy;
 

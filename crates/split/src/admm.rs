@@ -110,6 +110,14 @@ impl Admm {
         &self.u
     }
 
+    /// The gradient of f(x) + 1/2 sum w^2 |c(Dx) - p|^2 over all nodes, fixed ones included: where z has converged, the
+    /// objective's with the forces w^2 u of hard sets.
+    pub fn forces(&mut self) -> Vec<f64> {
+        let mut forces = vec![0.0; self.x.len()];
+        self.problem.penalty(&self.x, &self.p, &mut forces);
+        forces
+    }
+
     /// Gives the problem back, for another method to go on.
     pub fn into_problem(self) -> Problem {
         self.problem

@@ -15,10 +15,12 @@
 //! This crate knows no mesh, no energy and no application; it neither prints nor reads a clock.
 
 mod admm;
+mod form;
 mod global;
 mod lbfgs;
 mod method;
 mod problem;
+mod residual_stop;
 mod reweight;
 mod run;
 mod system;
@@ -26,11 +28,13 @@ mod term;
 pub mod vector;
 
 pub use admm::{Admm, AdmmSettings};
+pub use form::SymmetricForm;
 pub use global::{Direct, GlobalReport, GlobalStep, Objective};
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
 pub use method::{Evaluation, Method, Residuals, StepReport};
 pub use problem::{Problem, ProblemError, Quadratic};
+pub use residual_stop::ResidualTolerance;
 pub use reweight::{Hardening, Range, Reweighting};
-pub use run::{Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, Status, Stop, Verdict, run};
+pub use run::{Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, Status, Stop, VIOLATION, Verdict, run};
 pub use system::{NormalMatrix, SystemError};
 pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Term};

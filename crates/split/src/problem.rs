@@ -1,14 +1,17 @@
 //! The problem: terms, a quadratic, a start.
 
-use crate::{EnergyReport, LocalReport, PenaltyReport, Term, vector};
+use crate::{EnergyReport, LocalReport, PenaltyReport, SymmetricForm, Term, vector};
 
-/// f(x) = sum_j k_j/2 |x_j - t_j|^2 - sum_i b_i . x_i + constant: soft springs to targets, and loads.
+/// f(x) = sum_j k_j/2 |x_j - t_j|^2 - sum_i b_i . x_i + 1/2 sum_c x_c^T K x_c + constant: soft springs to targets, loads,
+/// and a quadratic form in each coordinate c.
 #[derive(Clone, Debug, Default)]
 pub struct Quadratic {
     /// Soft springs: node, stiffness k_j, and the target t_j in the first `dim` entries.
     pub springs: Vec<(u32, f64, [f64; 3])>,
     /// Loads b, `n * dim` long, or empty.
     pub loads: Vec<f64>,
+    /// K over all nodes, such as the bending of thin sheets; or empty.
+    pub form: SymmetricForm,
     /// A constant, so that values do not depend on where the origin was moved to.
     pub constant: f64,
 }
@@ -26,6 +29,8 @@ impl Quadratic {
                 value += 0.5 * k * d * d;
             }
         }
+        let mut grad = grad;
+        value += self.form.value_and_gradient(x, dim, grad.as_deref_mut());
         if let Some(grad) = grad {
             if !self.loads.is_empty() {
                 let free = grad.len();
@@ -127,6 +132,13 @@ impl Problem {
                 )));
             }
         }
+        if !self.quadratic.form.is_empty() && self.quadratic.form.n() != self.n() {
+            let (n, nodes) = (self.quadratic.form.n(), self.n());
+            return Err(ProblemError::Shape(format!("the quadratic form is one of {n} nodes, there are {nodes}")));
+        }
+        if !self.quadratic.form.is_finite() {
+            return Err(ProblemError::NotFinite("an entry of the quadratic form is not finite".to_string()));
+        }
         let n = self.n() as u32;
         for (t, term) in self.terms.iter().enumerate() {
             let mut bad = None;
@@ -140,6 +152,12 @@ impl Problem {
             }
         }
         Ok(())
+    }
+
+    /// Whether a term is infinite outside a set. At such a set's border the gradient of a solution does not vanish, so that
+    /// convergence is a matter of residuals: [`crate::ResidualTolerance`].
+    pub fn has_hard_sets(&self) -> bool {
+        self.terms.iter().any(|term| term.is_hard())
     }
 
     /// Number of nodes.

@@ -4,7 +4,7 @@ use crate::Problem;
 use proxel_linalg::sparse::{Cholesky, Ordering, SolveScratch, SparseError, SymPattern, Symbolic};
 use std::sync::Arc;
 
-/// A = sum w^2 D^T D + springs over the free nodes, and its factor. One matrix serves every coordinate.
+/// A = sum w^2 D^T D + springs + K over the free nodes, and its factor. One matrix serves every coordinate.
 pub struct NormalMatrix {
     dim: usize,
     pattern: SymPattern,
@@ -81,6 +81,7 @@ impl NormalMatrix {
                 self.values[slot] += k;
             }
         }
+        problem.quadratic.form.add_to(&self.pattern, &mut self.values);
         Ok(self.factor.refactor(&self.values)?)
     }
 
@@ -118,7 +119,7 @@ impl NormalMatrix {
     }
 }
 
-/// Every pair of free nodes that share an element.
+/// Every pair of free nodes that share an element or have an entry of the quadratic form.
 fn pattern_of(problem: &Problem) -> Result<SymPattern, SystemError> {
     let free = problem.n_free as u32;
     let mut flat: Vec<u32> = Vec::new();
@@ -129,6 +130,12 @@ fn pattern_of(problem: &Problem) -> Result<SymPattern, SystemError> {
             ends.push(flat.len());
         });
     }
+    problem.quadratic.form.for_each_pair(&mut |i, j| {
+        if i < free {
+            flat.extend([i, j]);
+            ends.push(flat.len());
+        }
+    });
     let cliques: Vec<&[u32]> = ends.windows(2).map(|w| &flat[w[0]..w[1]]).collect();
     Ok(SymPattern::from_cliques(problem.n_free, &cliques)?)
 }

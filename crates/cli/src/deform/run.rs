@@ -130,12 +130,19 @@ fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inp
     };
     let mut warnings = handles.warnings;
     check_regions(args, &mesh, settings, &mut warnings)?;
-    let weighs = settings.density > 0.0 && settings.gravity != [0.0; 3];
+    let weighs = settings.weighs();
     if start.is_none() && !handles.moved && handles.loads.is_empty() && !weighs {
         warnings.push("nothing moves the body; give --init, pins with targets, or loads".to_owned());
     }
-    let input =
-        DeformInput { rest: mesh, start, fixed: handles.fixed, soft: handles.soft, loads: handles.loads, reference };
+    let input = DeformInput {
+        rest: mesh,
+        start,
+        fixed: handles.fixed,
+        soft: handles.soft,
+        loads: handles.loads,
+        groups: handles.groups,
+        reference,
+    };
     Ok(Inputs { input, warnings, read: began.elapsed().as_secs_f64() })
 }
 

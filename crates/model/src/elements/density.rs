@@ -24,8 +24,11 @@ pub trait Density<const K: usize>: Send + Sync {
     /// same. Only the first `n_elems` elements are counted.
     fn prox(&self, v: &mut [f64], warm: &mut [f64], weight2: &[f64], measure: &[f64], n_elems: usize) -> ProxSums;
 
-    /// sum V psi(s).
+    /// sum V psi(s), hard limits left out: [`Energy::smooth_value`].
     fn value(&self, s: &[f64], measure: &[f64]) -> f64;
+
+    /// The interval that stretches have to stay in, where there is one: [`Energy::limits`].
+    fn limits(&self) -> Option<(f64, f64)>;
 
     /// Replaces the stretches s by d psi / d s.
     fn gradient(&self, s: &mut [f64]);
@@ -91,7 +94,7 @@ impl<E: Energy<K>, const K: usize> Kernel for ValueKernel<'_, E, K> {
             for i in 0..K {
                 s[i] = F8::load_at(self.s, b * K + i);
             }
-            value = self.energy.value(s).mul_add(F8::load_at(self.measure, b), value);
+            value = self.energy.smooth_value(s).mul_add(F8::load_at(self.measure, b), value);
         }
         value.sum()
     }
@@ -146,6 +149,10 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
 
     fn value(&self, s: &[f64], measure: &[f64]) -> f64 {
         dispatch(ValueKernel::<E, K> { energy: self, s, measure })
+    }
+
+    fn limits(&self) -> Option<(f64, f64)> {
+        Energy::limits(self)
     }
 
     fn gradient(&self, s: &mut [f64]) {

@@ -142,6 +142,13 @@ impl<const D: usize, const K: usize, C> Elements<D, K, C> {
     fn all_chunks(&self) -> Range<usize> {
         0..self.chunks.n_blocks().div_ceil(BLOCKS)
     }
+
+    /// How far the stretches of a report are beyond the limits of the energy, at most; infinite where they are NaN.
+    fn violation(&self, report: &EnergyReport) -> f64 {
+        let Some((low, high)) = self.energy.limits() else { return 0.0 };
+        let (below, above) = (low - report.min_stretch, report.max_stretch - high);
+        if below.is_nan() || above.is_nan() { f64::INFINITY } else { below.max(above).max(0.0) }
+    }
 }
 
 impl<const D: usize, const K: usize, C: Coupling<D, K>> Term for Elements<D, K, C>
@@ -150,6 +157,10 @@ where
 {
     fn n_elems(&self) -> usize {
         self.chunks.n_elems()
+    }
+
+    fn is_hard(&self) -> bool {
+        self.energy.limits().is_some()
     }
 
     fn local_len(&self) -> usize {
@@ -228,7 +239,7 @@ where
         let range = self.all_chunks();
         let shared = shared!(self, x: x, p: p, u: &[]);
         let piece = Piece { near: &mut self.near, partials: &mut self.partials, ..Default::default() };
-        let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+        let mut report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
             let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
             let partials = piece.partials;
             partials.fill(0.0);
@@ -251,6 +262,9 @@ where
             report
         });
         self.chunks.add_partials::<D>(&self.partials, grad);
+        if let Some(energy) = &mut report.energy {
+            energy.violation = self.violation(energy);
+        }
         report
     }
 
@@ -261,7 +275,7 @@ where
         if grad.is_some() {
             piece.partials = &mut self.partials;
         }
-        let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+        let mut report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
             let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
             let frames = !piece.partials.is_empty();
             piece.partials.fill(0.0);
@@ -289,6 +303,7 @@ where
         if let Some(grad) = grad {
             self.chunks.add_partials::<D>(&self.partials, grad);
         }
+        report.violation = self.violation(&report);
         report
     }
 

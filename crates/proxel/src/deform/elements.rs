@@ -4,7 +4,7 @@ use super::DeformError;
 use crate::settings::{BaseWeight, Candidate, DeformSettings, LocalFrame, Material};
 use proxel_mesh::{Mesh, topology};
 use proxel_model::elements::{Coupling, Elements, Linear, Polar, Rest, Shape, Simplex};
-use proxel_model::energy::{Energy, EnergyVisitor, visit_1d, visit_2d, visit_3d};
+use proxel_model::energy::{Energy, EnergyVisitor, Limited, visit_1d, visit_2d, visit_3d};
 use proxel_split::Term;
 use std::collections::BTreeMap;
 
@@ -31,6 +31,20 @@ impl Cells {
             return Cells::Springs(edges);
         }
         if tets.is_empty() { Cells::Triangles(mesh.faces.fan_triangles()) } else { Cells::Tets(tets.to_vec()) }
+    }
+
+    /// All elements of the mesh, those of the highest dimension first: one kind, unless the settings say that the mesh is
+    /// mixed.
+    pub fn all(mesh: &Mesh, tets: &[[u32; 4]], settings: &DeformSettings) -> Vec<Cells> {
+        if !settings.mixed || settings.material.energy == "spring" {
+            return vec![Cells::of(mesh, tets, settings.material.energy == "spring")];
+        }
+        let kinds = [
+            Cells::Tets(tets.to_vec()),
+            Cells::Triangles(mesh.faces.fan_triangles()),
+            Cells::Springs(mesh.edges.clone()),
+        ];
+        kinds.into_iter().filter(|cells| cells.len() > 0).collect()
     }
 
     /// All corners, flat.
@@ -80,6 +94,7 @@ impl Cells {
         let regions = match self {
             Cells::Tets(_) => mesh.tet_regions.as_ref(),
             Cells::Triangles(_) if mesh.faces.as_triangles().is_some() => mesh.face_regions.as_ref(),
+            Cells::Springs(c) if *c == mesh.edges => mesh.edge_regions.as_ref(),
             _ => None,
         };
         let mut groups: BTreeMap<Option<i32>, Vec<usize>> = BTreeMap::new();
@@ -100,6 +115,7 @@ impl Cells {
 struct Build<'a, const D: usize, const K: usize> {
     rest: &'a Rest<D, K>,
     settings: &'a DeformSettings,
+    limit: Option<[f64; 2]>, // of the stretches
 }
 
 /// A batch, and whether its energy is infinite, or its prox forbidden, where an element is inverted.
@@ -116,6 +132,24 @@ where
 {
     type Output = Built;
     fn visit<E: Energy<K>>(self, energy: E) -> Built {
+        match self.limit {
+            None => self.batch(energy),
+            // Limits were checked with the settings; without sensible ones there is nothing to limit.
+            Some([low, high]) => match Limited::new(energy.clone(), low, high) {
+                Ok(limited) => self.batch(limited),
+                Err(_) => self.batch(energy),
+            },
+        }
+    }
+}
+
+impl<const D: usize, const K: usize> Build<'_, D, K>
+where
+    Simplex: Shape<D, K>,
+    Linear: Coupling<D, K>,
+    Polar: Coupling<D, K>,
+{
+    fn batch<E: Energy<K>>(self, energy: E) -> Built {
         let admm = &self.settings.admm;
         let dynamic = self.settings.method.is_reweighted();
         let stiffness = match admm.base_weight {
@@ -142,7 +176,8 @@ where
     }
 }
 
-/// The elements `chosen` of `cells` as a batch over flat positions `x` at rest; `number` renumbers vertices.
+/// The elements `chosen` of `cells` as a batch over flat positions `x` at rest, three numbers a node or, in the plane, two;
+/// `number` renumbers vertices.
 pub(super) fn build(
     cells: &Cells,
     chosen: &[usize],
@@ -168,25 +203,34 @@ pub(super) fn build(
     };
     let unknown = |e: proxel_model::energy::UnknownEnergy| DeformError(format!("{e} (--material)"));
     let energy = material.energy.as_str();
-    match cells {
-        Cells::Tets(_) => {
+    let limit = settings.strain_limit;
+    match (cells, settings.planar) {
+        (Cells::Tets(_), _) => {
             let rest = Rest::<3, 3>::new(x, &elements).map_err(refuse)?;
-            visit_3d(energy, &lame, Build { rest: &rest, settings }).map_err(unknown)
+            visit_3d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
         }
-        Cells::Triangles(_) => {
+        (Cells::Triangles(_), false) => {
             let rest = Rest::<3, 2>::new(x, &elements).map_err(refuse)?;
-            visit_2d(energy, &lame, Build { rest: &rest, settings }).map_err(unknown)
+            visit_2d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
         }
-        Cells::Springs(_) => {
+        (Cells::Triangles(_), true) => {
+            let rest = Rest::<2, 2>::new(x, &elements).map_err(refuse)?;
+            visit_2d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
+        }
+        (Cells::Springs(_), false) => {
             let rest = Rest::<3, 1>::new(x, &elements).map_err(refuse)?;
-            visit_1d(energy, &lame, Build { rest: &rest, settings }).map_err(unknown)
+            visit_1d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
+        }
+        (Cells::Springs(_), true) => {
+            let rest = Rest::<2, 1>::new(x, &elements).map_err(refuse)?;
+            visit_1d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
         }
     }
 }
 
-/// The size of every element of the rest mesh, for masses.
-pub(super) fn measures(cells: &Cells, x: &[f64]) -> Vec<f64> {
-    let at = |v: u32| -> [f64; 3] { std::array::from_fn(|d| x[v as usize * 3 + d]) };
+/// The size of every element over flat rest positions with `dim` numbers a node, for masses.
+pub(super) fn measures(cells: &Cells, x: &[f64], dim: usize) -> Vec<f64> {
+    let at = |v: u32| -> [f64; 3] { std::array::from_fn(|d| if d < dim { x[v as usize * dim + d] } else { 0.0 }) };
     let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|d| a[d] - b[d]) };
     let cross =
         |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -214,5 +258,35 @@ pub(super) fn measures(cells: &Cells, x: &[f64]) -> Vec<f64> {
                 dot(d, d).sqrt()
             })
             .collect(),
+    }
+}
+
+/// The mass of every element over its corners in equal parts, times gravity, is added to `forces`. `renumbered` are `kinds`,
+/// as [`Cells::all`] gives them, over the flat rest positions `x` with `dim` numbers a node.
+pub(super) fn add_weights(
+    renumbered: &[Cells],
+    kinds: &[Cells],
+    mesh: &Mesh,
+    settings: &DeformSettings,
+    x: &[f64],
+    dim: usize,
+    forces: &mut [[f64; 3]],
+) {
+    for (rank, (cells, original)) in renumbered.iter().zip(kinds).enumerate() {
+        let sizes = measures(cells, x, dim);
+        for (material, chosen) in original.by_material(mesh, settings) {
+            let density = material.density.unwrap_or(if rank == 0 { settings.density } else { 0.0 });
+            if density == 0.0 {
+                continue;
+            }
+            let share = density / cells.size() as f64;
+            for e in chosen {
+                for v in &cells.corners()[e * cells.size()..(e + 1) * cells.size()] {
+                    for d in 0..3 {
+                        forces[*v as usize][d] += share * sizes[e] * settings.gravity[d];
+                    }
+                }
+            }
+        }
     }
 }

@@ -6,6 +6,8 @@
 mod body;
 mod elements;
 mod extras;
+mod planar;
+mod sheet;
 mod start;
 mod watch;
 
@@ -18,8 +20,9 @@ use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
 use proxel_split::{
     Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome, Problem,
-    Residuals, Status,
+    ResidualTolerance, Residuals, Status, Stop,
 };
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// What is to be deformed, and how it is held.
@@ -35,6 +38,8 @@ pub struct DeformInput {
     pub soft: Vec<(u32, [f64; 3], f64)>,
     /// Forces on vertices.
     pub loads: Vec<(u32, [f64; 3])>,
+    /// Named groups of vertices, whose reaction forces are reported.
+    pub groups: Vec<(String, Vec<u32>)>,
     /// Positions to measure the position error against; they change nothing.
     pub reference: Option<Vec<[f64; 3]>>,
 }
@@ -70,6 +75,8 @@ pub struct Deformation {
     pub report: Report,
     /// The tetrahedra that were used, where orientations were repaired.
     pub repaired_tets: Option<Vec<[u32; 4]>>,
+    /// At fixed vertices, the force that the body exerts on what holds it, loads and hard limits included; 0 elsewhere.
+    pub reaction: Vec<[f64; 3]>,
 }
 
 /// Minimises the deformation energy of `input` and says how it went. What it returns holds for the positions as returned.
@@ -110,9 +117,11 @@ fn deform_here(
     // What is reported is what a reader of the written positions finds.
     let positions = body.positions(&run.outcome.x);
     let x = body.centred(&positions);
-    let mut grad = vec![0.0; run.problem.n_free * 3];
+    let hard = run.problem.has_hard_sets();
+    let mut grad = vec![0.0; x.len()];
     let energy = run.problem.energy(&x, Some(&mut grad));
-    let gradient_norm = proxel_split::vector::norm(&grad);
+    let gradient_norm = proxel_split::vector::norm(&grad[..run.problem.n_free * run.problem.dim]);
+    let reaction = reactions(&body, run.forces.as_deref().unwrap_or(&grad));
     let outcome = &run.outcome;
     let report = Report {
         version: env!("CARGO_PKG_VERSION").to_string(),
@@ -125,8 +134,10 @@ fn deform_here(
         inner_iterations: outcome.inner_iterations,
         refactorisations: outcome.refactorisations,
         energy: finite(energy.value),
-        gradient_norm: finite(gradient_norm),
-        gradient_ratio: finite(if run.reference_gradient > 0.0 { gradient_norm / run.reference_gradient } else { 0.0 }),
+        // At the border of a hard set the gradient does not vanish: it says nothing there.
+        gradient_norm: finite(gradient_norm).filter(|_| !hard),
+        gradient_ratio: finite(if run.reference_gradient > 0.0 { gradient_norm / run.reference_gradient } else { 0.0 })
+            .filter(|_| !hard),
         inverted: Some(energy.inverted),
         min_stretch: finite(energy.min_stretch),
         max_stretch: finite(energy.max_stretch),
@@ -141,8 +152,36 @@ fn deform_here(
         peak_bytes: None,
         factor_bytes: Some(run.factor_bytes),
         threads,
+        reactions: sums(&input.groups, &body, &reaction),
     };
-    Ok(Deformation { positions, start, status: outcome.status, report, repaired_tets: body.repaired_tets() })
+    let (status, repaired_tets) = (outcome.status, body.repaired_tets());
+    Ok(Deformation { positions, start, status, report, repaired_tets, reaction })
+}
+
+/// Minus the gradient at the fixed vertices.
+fn reactions(body: &Body, grad: &[f64]) -> Vec<[f64; 3]> {
+    let mut out = body.vectors(grad);
+    for (v, g) in out.iter_mut().enumerate() {
+        *g = if body.is_fixed(v as u32) { g.map(|g| 0.0 - g) } else { [0.0; 3] };
+    }
+    out
+}
+
+/// The sum over the fixed vertices of each group that has some.
+fn sums(groups: &[(String, Vec<u32>)], body: &Body, reaction: &[[f64; 3]]) -> BTreeMap<String, [f64; 3]> {
+    let mut sums = BTreeMap::new();
+    for (name, vertices) in groups {
+        let mut sum = [0.0; 3];
+        for v in vertices.iter().filter(|v| body.is_fixed(**v)) {
+            for d in 0..3 {
+                sum[d] += reaction[*v as usize][d];
+            }
+        }
+        if vertices.iter().any(|v| body.is_fixed(*v)) {
+            sums.insert(name.clone(), sum);
+        }
+    }
+    sums
 }
 
 fn finite(v: f64) -> Option<f64> {
@@ -154,6 +193,7 @@ struct Finished {
     outcome: Outcome,
     problem: Problem,
     reference_gradient: f64,
+    forces: Option<Vec<f64>>, // gradient over all nodes with the forces of hard sets, where there are some
     residuals: Residuals,
     factor_bytes: u64,
     setup: f64,
@@ -180,6 +220,7 @@ impl Finished {
             outcome,
             problem,
             reference_gradient: 0.0,
+            forces: None,
             residuals: Residuals { primal: 0.0, dual: 0.0 },
             factor_bytes: 0,
             setup: 0.0,
@@ -206,20 +247,31 @@ fn solve(
     hooks: &mut Hooks<'_>,
     began: Instant,
 ) -> Result<Finished, DeformError> {
+    if problem.has_hard_sets() && !settings.method.takes_hard_sets() {
+        return Err(DeformError(format!(
+            "{} needs derivatives and cannot hold hard limits; use --method wrapd, r-admm, w-admm or admm-pd",
+            settings.method.as_str()
+        )));
+    }
     let mut method = method(problem, settings).map_err(|e| DeformError(body.explain(&e)))?;
     let setup = began.elapsed().as_secs_f64();
     let mut tolerance = GradientTolerance::new(settings.tol, &mut method);
     let reference_gradient = tolerance.reference();
+    let mut residual_tolerance = ResidualTolerance::new(settings.tol);
+    let hard = method.problem().has_hard_sets();
+    let converged: &mut dyn Stop = if hard { &mut residual_tolerance } else { &mut tolerance };
     let mut limit = IterationLimit(settings.max_iters);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
     let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
     let outcome =
-        proxel_split::run(&mut method, &mut [&mut tolerance, &mut cancel, &mut time, &mut limit], &mut watcher);
+        proxel_split::run(&mut method, &mut [converged, &mut cancel, &mut time, &mut limit], &mut watcher);
     let factor_bytes = method.normal().factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
     let residuals = method.residuals();
-    Ok(Finished { outcome, problem: method.into_problem(), reference_gradient, residuals, factor_bytes, setup, solve })
+    let forces = hard.then(|| method.forces());
+    let problem = method.into_problem();
+    Ok(Finished { outcome, problem, reference_gradient, forces, residuals, factor_bytes, setup, solve })
 }
 
 impl MethodName {
