@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
+use proxel::samples::NAMES;
 use proxel::settings::DeformSettings;
 
 use crate::deform::DeformArgs;
@@ -32,7 +34,7 @@ Mesh formats, by extension: TetGen .node/.ele, Medit .mesh, Gmsh .msh, .vtk, .vt
 pub enum Command {
     /// Find the pose of least elastic energy under pins and loads.
     Deform(Box<DeformArgs>),
-    /// Pose a built-in octopus and write it with a picture.
+    /// Pose a built-in octopus or another sample, and write it with a picture.
     Demo(DemoArgs),
     /// Say what a mesh is and what is wrong with it.
     Info(InfoArgs),
@@ -89,7 +91,11 @@ pub struct ConvertArgs {
 /// The arguments of `proxel demo`.
 #[derive(Args)]
 pub struct DemoArgs {
-    /// The folder for octopus.vtu, octopus.obj and octopus.png; made if it is not there.
+    /// What is posed: octopus; cloth: bending and hard strain limits; planar: a strip in two dimensions; springs: a net;
+    /// mixed: tetrahedra, triangles and edges in one mesh.
+    #[arg(value_name = "SAMPLE", value_parser = demo_names(), default_value = OCTOPUS)]
+    pub sample: String,
+    /// The folder for SAMPLE.vtu, SAMPLE.obj and SAMPLE.png; made if it is not there.
     #[arg(long, short, value_name = "DIR", default_value = "proxel-demo")]
     pub out: PathBuf,
     /// Threads; all processors if not given.
@@ -98,6 +104,13 @@ pub struct DemoArgs {
     /// Print nothing but errors.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// The sample that is a body.
+pub const OCTOPUS: &str = "octopus";
+
+fn demo_names() -> PossibleValuesParser {
+    PossibleValuesParser::new([OCTOPUS].into_iter().chain(NAMES))
 }
 
 /// The options that every solving command has.

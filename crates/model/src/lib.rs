@@ -3,6 +3,8 @@
 pub mod bending;
 pub mod elements;
 pub mod energy;
+pub mod obstacle;
+pub mod pressure;
 
 /// The guide to contributing, whose new energy is compiled and run as a test.
 #[cfg(doctest)]

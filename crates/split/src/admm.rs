@@ -10,7 +10,7 @@
 
 use crate::{
     EnergyReport, Evaluation, GlobalStep, Method, NormalMatrix, Objective, Problem, Residual, Residuals, Reweighting,
-    StepReport, SystemError, reweight::Settling, vector,
+    StepReport, SystemError, reweight::Settling,
 };
 
 /// How an [`Admm`] is put together.
@@ -47,7 +47,8 @@ impl Admm {
     pub fn new(mut problem: Problem, settings: AdmmSettings) -> Result<Self, SystemError> {
         problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
         let normal = NormalMatrix::new(&problem)?;
-        let x = problem.x0.clone();
+        let mut x = problem.x0.clone();
+        problem.quadratic.equalities.enforce(&mut x, problem.dim);
         let u: Vec<Vec<f64>> = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
         let mut p = u.clone();
         for (term, p) in problem.terms.iter_mut().zip(&mut p) {
@@ -169,7 +170,7 @@ impl Method for Admm {
         *self.evaluation.get_or_insert_with(|| {
             let energy = self.problem.energy(&self.x, Some(&mut self.grad));
             self.energy = Some(energy);
-            Evaluation { energy, gradient_norm: vector::norm(&self.grad) }
+            Evaluation { energy, gradient_norm: self.problem.gradient_norm(&mut self.grad) }
         })
     }
 

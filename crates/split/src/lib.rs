@@ -15,10 +15,12 @@
 //! This crate knows no mesh, no energy and no application; it neither prints nor reads a clock.
 
 mod admm;
+mod equality;
 mod form;
 mod global;
 mod lbfgs;
 mod method;
+mod potential;
 mod problem;
 mod residual_stop;
 mod reweight;
@@ -28,10 +30,12 @@ mod term;
 pub mod vector;
 
 pub use admm::{Admm, AdmmSettings};
+pub use equality::{Equalities, Equality, EqualityError};
 pub use form::SymmetricForm;
 pub use global::{Direct, GlobalReport, GlobalStep, Objective};
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
 pub use method::{Evaluation, Method, Residuals, StepReport};
+pub use potential::Potential;
 pub use problem::{Problem, ProblemError, Quadratic};
 pub use residual_stop::ResidualTolerance;
 pub use reweight::{Hardening, Range, Reweighting};

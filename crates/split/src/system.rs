@@ -1,6 +1,7 @@
 //! The matrix of the global step, W(5a): assembled, analysed once, factored when the weights change.
 
 use crate::Problem;
+use crate::equality::Within;
 use proxel_linalg::sparse::{Cholesky, Ordering, SolveScratch, SparseError, SymPattern, Symbolic};
 use std::sync::Arc;
 
@@ -11,6 +12,7 @@ pub struct NormalMatrix {
     values: Vec<f64>,
     factor: Cholesky<f64>,
     scratch: SolveScratch,
+    within: Option<Within>, // where there are equalities
     refactorisations: usize,
 }
 
@@ -65,8 +67,13 @@ impl NormalMatrix {
             pattern,
             factor: Cholesky::new(symbolic),
             scratch: SolveScratch::default(),
+            within: None,
             refactorisations: 0,
         };
+        let equalities = &problem.quadratic.equalities;
+        if !equalities.is_empty() {
+            matrix.within = Some(Within::new(equalities, problem.n_free));
+        }
         matrix.fill_and_factor(problem)?;
         Ok(matrix)
     }
@@ -82,7 +89,14 @@ impl NormalMatrix {
             }
         }
         problem.quadratic.form.add_to(&self.pattern, &mut self.values);
-        Ok(self.factor.refactor(&self.values)?)
+        self.factor.refactor(&self.values)?;
+        if let Some(within) = &mut self.within {
+            let (factor, scratch) = (&self.factor, &mut self.scratch);
+            if !within.refresh(|b| factor.solve_in_place(b, 1, scratch))? {
+                return Err(SystemError::Factor("the equality constraints depend on each other".to_string()));
+            }
+        }
+        Ok(())
     }
 
     /// Numbers anew, pattern as before.
@@ -94,12 +108,17 @@ impl NormalMatrix {
         self.fill_and_factor(problem)
     }
 
-    /// b <- A^-1 b, for all coordinates of the free nodes.
+    /// b <- A^-1 b, for all coordinates of the free nodes; where the problem has equalities, the minimiser of
+    /// 1/2 x^T A x - b . x over displacements x that keep them.
     ///
     /// # Errors
     /// A vector of another length.
     pub fn solve(&mut self, b: &mut [f64]) -> Result<(), SystemError> {
-        Ok(self.factor.solve_in_place(b, self.dim, &mut self.scratch)?)
+        self.factor.solve_in_place(b, self.dim, &mut self.scratch)?;
+        if let Some(within) = &mut self.within {
+            within.restrict(b, self.dim);
+        }
+        Ok(())
     }
 
     /// How often the numbers were factored anew after the first time.

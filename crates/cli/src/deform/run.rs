@@ -99,7 +99,7 @@ impl Files {
             written.push(path.display().to_string());
         }
         if let Some(path) = &self.preview {
-            picture::of_deformation(input, result, &extras).write_png(path)?;
+            picture::of_deformation(input, settings.mixed, result, &extras).write_png(path)?;
             written.push(path.display().to_string());
         }
         Ok(written)

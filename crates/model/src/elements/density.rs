@@ -3,7 +3,7 @@
 //! A batch of elements knows its energy by this trait alone, one call for several blocks, so that the geometry (gathering,
 //! decompositions, forces) is compiled once for each shape, not once for each energy and shape.
 
-use crate::energy::Energy;
+use crate::energy::{Energy, Limited};
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
 
 /// What [`Density::prox`] did, summed over the blocks.
@@ -27,8 +27,22 @@ pub trait Density<const K: usize>: Send + Sync {
     /// sum V psi(s), hard limits left out: [`Energy::smooth_value`].
     fn value(&self, s: &[f64], measure: &[f64]) -> f64;
 
-    /// The interval that stretches have to stay in, where there is one: [`Energy::limits`].
+    /// As [`Density::prox`], over stretches in [low, high]: that of [`Limited`].
+    fn prox_within(
+        &self,
+        limits: (f64, f64),
+        v: &mut [f64],
+        warm: &mut [f64],
+        weight2: &[f64],
+        measure: &[f64],
+        n_elems: usize,
+    ) -> ProxSums;
+
+    /// Hard limits that the density has of its own: [`Energy::limits`].
     fn limits(&self) -> Option<(f64, f64)>;
+
+    /// Whether a solution has no element with a measure of zero or below: [`Energy::PROX_POSITIVE`].
+    fn is_positive(&self) -> bool;
 
     /// Replaces the stretches s by d psi / d s.
     fn gradient(&self, s: &mut [f64]);
@@ -38,6 +52,9 @@ pub trait Density<const K: usize>: Send + Sync {
 
     /// The same at rest, W(21).
     fn rest_stiffness(&self) -> f64;
+
+    /// [`Energy::slope_stiffness`]
+    fn slope_stiffness(&self) -> f64;
 }
 
 struct ProxKernel<'a, E, const K: usize> {
@@ -151,8 +168,30 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
         dispatch(ValueKernel::<E, K> { energy: self, s, measure })
     }
 
+    fn prox_within(
+        &self,
+        (low, high): (f64, f64),
+        v: &mut [f64],
+        warm: &mut [f64],
+        weight2: &[f64],
+        measure: &[f64],
+        n_elems: usize,
+    ) -> ProxSums {
+        match Limited::new(self.clone(), low, high) {
+            Ok(limited) => {
+                dispatch(ProxKernel::<Limited<E>, K> { energy: &limited, v, warm, weight2, measure, n_elems })
+            }
+            // Limits that leave no room leave no prox either: every element has missed.
+            Err(_) => ProxSums { missed: n_elems as u64, ..ProxSums::default() },
+        }
+    }
+
     fn limits(&self) -> Option<(f64, f64)> {
         Energy::limits(self)
+    }
+
+    fn is_positive(&self) -> bool {
+        E::PROX_POSITIVE
     }
 
     fn gradient(&self, s: &mut [f64]) {
@@ -165,5 +204,9 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
 
     fn rest_stiffness(&self) -> f64 {
         Energy::rest_stiffness(self)
+    }
+
+    fn slope_stiffness(&self) -> f64 {
+        Energy::slope_stiffness(self)
     }
 }

@@ -1,5 +1,6 @@
 //! Batches of like elements: simplices with K + 1 corners in D dimensions, one energy, one coupling.
 
+mod batch;
 mod chunks;
 mod coupling;
 mod density;
@@ -11,6 +12,7 @@ mod shape;
 #[cfg(test)]
 mod tests;
 
+pub use batch::{Batch, BatchError, BatchShape, BatchWeights, batch};
 pub use chunks::morton;
 pub use coupling::{Coupling, Linear, Polar};
 pub use density::{Density, ProxSums};
@@ -40,6 +42,7 @@ const HARDEST: f64 = 4.0;
 pub struct Elements<const D: usize, const K: usize, C> {
     chunks: Chunks,
     energy: Arc<dyn Density<K>>,
+    limits: Option<(f64, f64)>, // see `with_limits`
     base: f64,             // squared base weight over measure
     inverse: Vec<f64>,     // [block][K][K][lane]: inverse of the rest edges, empty for tetrahedra
     rest: Vec<f64>,        // chunk-local rest positions, for tetrahedra
@@ -60,6 +63,11 @@ where
 {
     /// Elements `rest` with squared weights `base` times measure: W(21) for the largest eigenvalue of the rest Hessian.
     pub fn new(rest: &Rest<D, K>, energy: impl Density<K> + 'static, base: f64) -> Self {
+        Self::of_density(rest, Arc::new(energy), base)
+    }
+
+    /// The same for an energy whose type is not known.
+    pub fn of_density(rest: &Rest<D, K>, energy: Arc<dyn Density<K>>, base: f64) -> Self {
         let chunks = Chunks::new(rest.elements(), K + 1, rest.keys());
         let n_blocks = chunks.n_blocks();
         let computed = K == 3 && D == 3; // see `kernels::inverse_edges`
@@ -79,7 +87,8 @@ where
         let weight2 = measure.iter().map(|v| v * base).collect();
         let slots = chunks.n_slots() * D;
         Elements {
-            energy: Arc::new(energy),
+            energy,
+            limits: None,
             base,
             inverse,
             rest: if computed { chunks.positions(rest.positions(), D) } else { Vec::new() },
@@ -109,6 +118,13 @@ where
     #[must_use]
     pub fn with_softening(mut self, softening: f64) -> Self {
         self.softening = softening;
+        self
+    }
+
+    /// Limits every stretch to [low, high], a hard set: see [`crate::energy::Limited`].
+    #[must_use]
+    pub fn with_limits(mut self, limits: Option<(f64, f64)>) -> Self {
+        self.limits = limits;
         self
     }
 
@@ -145,7 +161,7 @@ impl<const D: usize, const K: usize, C> Elements<D, K, C> {
 
     /// How far the stretches of a report are beyond the limits of the energy, at most; infinite where they are NaN.
     fn violation(&self, report: &EnergyReport) -> f64 {
-        let Some((low, high)) = self.energy.limits() else { return 0.0 };
+        let Some((low, high)) = self.limits.or_else(|| self.energy.limits()) else { return 0.0 };
         let (below, above) = (low - report.min_stretch, report.max_stretch - high);
         if below.is_nan() || above.is_nan() { f64::INFINITY } else { below.max(above).max(0.0) }
     }
@@ -160,7 +176,7 @@ where
     }
 
     fn is_hard(&self) -> bool {
-        self.energy.limits().is_some()
+        self.limits.is_some() || self.energy.limits().is_some()
     }
 
     fn local_len(&self) -> usize {
@@ -188,6 +204,7 @@ where
 
     fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
         let range = self.all_chunks();
+        let limits = self.limits;
         let shared = shared!(self, x: x, p: &[], u: &[]);
         let piece = Piece { near: &mut self.near, partials: &mut self.partials, warm: &mut self.warm, p, u };
         let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
@@ -208,13 +225,14 @@ where
                 });
                 let first = chunk.global(group.start) * LANES;
                 let numbers = first..first + group.len() * LANES;
-                let sums = shared.energy.prox(
-                    &mut scratch.stretches[..group.len() * K * LANES],
-                    &mut piece.warm[of_group(&group, K)],
-                    &shared.weight2[numbers.clone()],
-                    &shared.measure[numbers],
-                    shared.chunks.n_elems() - first,
-                );
+                let stretches = &mut scratch.stretches[..group.len() * K * LANES];
+                let warm = &mut piece.warm[of_group(&group, K)];
+                let (weight2, measure) = (&shared.weight2[numbers.clone()], &shared.measure[numbers]);
+                let n_elems = shared.chunks.n_elems() - first;
+                let sums = match limits {
+                    None => shared.energy.prox(stretches, warm, weight2, measure, n_elems),
+                    Some(limits) => shared.energy.prox_within(limits, stretches, warm, weight2, measure, n_elems),
+                };
                 report.value_before += sums.value_before;
                 report.value_after += sums.value_after;
                 report.missed += sums.missed;

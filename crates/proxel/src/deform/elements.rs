@@ -3,8 +3,7 @@
 use super::DeformError;
 use crate::settings::{BaseWeight, Candidate, DeformSettings, LocalFrame, Material};
 use proxel_mesh::{Mesh, topology};
-use proxel_model::elements::{Coupling, Elements, Linear, Polar, Rest, Shape, Simplex};
-use proxel_model::energy::{Energy, EnergyVisitor, Limited, visit_1d, visit_2d, visit_3d};
+use proxel_model::elements::{Batch, BatchError, BatchShape, BatchWeights, ElementError, batch};
 use proxel_split::Term;
 use std::collections::BTreeMap;
 
@@ -80,6 +79,17 @@ impl Cells {
         self.corners().len() / self.size()
     }
 
+    /// As batches know it.
+    pub fn shape(&self, planar: bool) -> BatchShape {
+        match (self, planar) {
+            (Cells::Tets(_), _) => BatchShape::Tetrahedra,
+            (Cells::Triangles(_), false) => BatchShape::Triangles,
+            (Cells::Triangles(_), true) => BatchShape::PlanarTriangles,
+            (Cells::Springs(_), false) => BatchShape::Springs,
+            (Cells::Springs(_), true) => BatchShape::PlanarSprings,
+        }
+    }
+
     /// What one is called.
     pub fn noun(&self) -> &'static str {
         match self {
@@ -111,69 +121,10 @@ impl Cells {
     }
 }
 
-/// Builds a term once the energy's type is known.
-struct Build<'a, const D: usize, const K: usize> {
-    rest: &'a Rest<D, K>,
-    settings: &'a DeformSettings,
-    limit: Option<[f64; 2]>, // of the stretches
-}
-
 /// A batch, and whether its energy is infinite, or its prox forbidden, where an element is inverted.
 pub(super) struct Built {
     pub term: Box<dyn Term>,
     pub barrier: bool,
-}
-
-impl<const D: usize, const K: usize> EnergyVisitor<K> for Build<'_, D, K>
-where
-    Simplex: Shape<D, K>,
-    Linear: Coupling<D, K>,
-    Polar: Coupling<D, K>,
-{
-    type Output = Built;
-    fn visit<E: Energy<K>>(self, energy: E) -> Built {
-        match self.limit {
-            None => self.batch(energy),
-            // Limits were checked with the settings; without sensible ones there is nothing to limit.
-            Some([low, high]) => match Limited::new(energy.clone(), low, high) {
-                Ok(limited) => self.batch(limited),
-                Err(_) => self.batch(energy),
-            },
-        }
-    }
-}
-
-impl<const D: usize, const K: usize> Build<'_, D, K>
-where
-    Simplex: Shape<D, K>,
-    Linear: Coupling<D, K>,
-    Polar: Coupling<D, K>,
-{
-    fn batch<E: Energy<K>>(self, energy: E) -> Built {
-        let admm = &self.settings.admm;
-        let dynamic = self.settings.method.is_reweighted();
-        let stiffness = match admm.base_weight {
-            BaseWeight::RestHessian => energy.rest_stiffness(),
-            BaseWeight::Auto if !dynamic => energy.rest_stiffness(),
-            BaseWeight::Slope | BaseWeight::Auto => energy.slope_stiffness(),
-        };
-        let base = stiffness * admm.weight_scale;
-        let softening = match admm.candidate {
-            Candidate::Hessian => 1.0,
-            Candidate::Relative => base / energy.rest_stiffness(),
-        };
-        let barrier = E::PROX_POSITIVE;
-        let signed = admm.local_frame == LocalFrame::SingularValues;
-        let term: Box<dyn Term> = match self.settings.method.is_rotation_aware() {
-            true => Box::new(
-                Elements::<D, K, Polar>::new(self.rest, energy, base)
-                    .with_singular_values(signed)
-                    .with_softening(softening),
-            ),
-            false => Box::new(Elements::<D, K, Linear>::new(self.rest, energy, base).with_softening(softening)),
-        };
-        Built { term, barrier }
-    }
 }
 
 /// The elements `chosen` of `cells` as a batch over flat positions `x` at rest, three numbers a node or, in the plane, two;
@@ -192,40 +143,44 @@ pub(super) fn build(
     let corners = cells.corners();
     let elements: Vec<u32> =
         chosen.iter().flat_map(|e| &corners[e * size..(e + 1) * size]).map(|v| number[*v as usize]).collect();
-    let refuse = |e: proxel_model::elements::ElementError| {
-        let proxel_model::elements::ElementError::Measure { element, measure } = e else {
-            return DeformError(e.to_string());
-        };
-        let (noun, index) = (cells.noun(), chosen[element]);
-        DeformError(format!(
-            "{name}: {noun} {index} (0-based) has size {measure:e} at rest; move its vertices apart or remove it"
-        ))
+    let refuse = |e: BatchError| match e {
+        BatchError::Element(ElementError::Measure { element, measure }) => {
+            let (noun, index) = (cells.noun(), chosen[element]);
+            DeformError(format!(
+                "{name}: {noun} {index} (0-based) has size {measure:e} at rest; move its vertices apart or remove it"
+            ))
+        }
+        BatchError::Element(e) => DeformError(e.to_string()),
+        BatchError::Energy(e) => DeformError(format!("{e} (--material)")),
     };
-    let unknown = |e: proxel_model::energy::UnknownEnergy| DeformError(format!("{e} (--material)"));
-    let energy = material.energy.as_str();
-    let limit = settings.strain_limit;
-    match (cells, settings.planar) {
-        (Cells::Tets(_), _) => {
-            let rest = Rest::<3, 3>::new(x, &elements).map_err(refuse)?;
-            visit_3d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
-        }
-        (Cells::Triangles(_), false) => {
-            let rest = Rest::<3, 2>::new(x, &elements).map_err(refuse)?;
-            visit_2d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
-        }
-        (Cells::Triangles(_), true) => {
-            let rest = Rest::<2, 2>::new(x, &elements).map_err(refuse)?;
-            visit_2d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
-        }
-        (Cells::Springs(_), false) => {
-            let rest = Rest::<3, 1>::new(x, &elements).map_err(refuse)?;
-            visit_1d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
-        }
-        (Cells::Springs(_), true) => {
-            let rest = Rest::<2, 1>::new(x, &elements).map_err(refuse)?;
-            visit_1d(energy, &lame, Build { rest: &rest, settings, limit }).map_err(unknown)
-        }
-    }
+    let admm = &settings.admm;
+    let dynamic = settings.method.is_reweighted();
+    let weights = |rest: f64, slope: f64| {
+        let stiffness = match admm.base_weight {
+            BaseWeight::RestHessian => rest,
+            BaseWeight::Auto if !dynamic => rest,
+            BaseWeight::Slope | BaseWeight::Auto => slope,
+        };
+        let base = stiffness * admm.weight_scale;
+        let softening = match admm.candidate {
+            Candidate::Hessian => 1.0,
+            Candidate::Relative => base / rest,
+        };
+        BatchWeights { base, softening }
+    };
+    let (term, barrier) = batch(&Batch {
+        shape: cells.shape(settings.planar),
+        positions: x,
+        elements: &elements,
+        energy: &material.energy,
+        lame: &lame,
+        limits: settings.strain_limit.map(|[low, high]| (low, high)),
+        rotation_aware: settings.method.is_rotation_aware(),
+        singular_values: admm.local_frame == LocalFrame::SingularValues,
+        weights: &weights,
+    })
+    .map_err(refuse)?;
+    Ok(Built { term, barrier })
 }
 
 /// The size of every element over flat rest positions with `dim` numbers a node, for masses.

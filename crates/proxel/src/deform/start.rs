@@ -2,8 +2,8 @@
 
 use super::DeformError;
 use super::elements::Cells;
-use proxel_model::elements::{Coupling, Elements, Linear, Rest, Shape, Simplex};
-use proxel_model::energy::Arap;
+use proxel_model::elements::{Batch, BatchWeights, batch};
+use proxel_model::energy::Lame;
 use proxel_split::{NormalMatrix, Problem, Quadratic, Term, vector};
 
 /// The free vertices follow the fixed ones harmonically: the displacement of least Dirichlet energy, which is the one step
@@ -20,16 +20,22 @@ pub(super) fn smooth(
     if !moved || n_free == 0 {
         return Ok(x0);
     }
+    let lame = Lame::new(1.0, 0.0).map_err(|e| DeformError(e.to_string()))?;
     let mut terms: Vec<Box<dyn Term>> = Vec::new();
     for cells in kinds {
         let corners = cells.renumbered(number);
-        terms.push(match (&corners, dim) {
-            (Cells::Tets(_), _) => linear::<3, 3>(corners.corners(), rest)?,
-            (Cells::Triangles(_), 3) => linear::<3, 2>(corners.corners(), rest)?,
-            (Cells::Triangles(_), _) => linear::<2, 2>(corners.corners(), rest)?,
-            (Cells::Springs(_), 3) => linear::<3, 1>(corners.corners(), rest)?,
-            (Cells::Springs(_), _) => linear::<2, 1>(corners.corners(), rest)?,
-        });
+        let of = Batch {
+            shape: cells.shape(dim == 2),
+            positions: rest,
+            elements: corners.corners(),
+            energy: "arap",
+            lame: &lame,
+            limits: None,
+            rotation_aware: false,
+            singular_values: false,
+            weights: &|_, _| BatchWeights { base: 1.0, softening: 1.0 },
+        };
+        terms.push(batch(&of).map_err(|e| DeformError(e.to_string()))?.0);
     }
     let mut problem = Problem { dim, n_free, x0, terms, quadratic: Quadratic::default(), barrier: false };
     let refuse = |e: proxel_split::SystemError| DeformError(e.to_string());
@@ -47,14 +53,4 @@ pub(super) fn smooth(
     normal.solve(&mut g).map_err(refuse)?;
     vector::add_scaled(&mut x[..n_free * dim], -1.0, &g);
     Ok(x)
-}
-
-fn linear<const D: usize, const K: usize>(corners: &[u32], rest: &[f64]) -> Result<Box<dyn Term>, DeformError>
-where
-    Simplex: Shape<D, K>,
-    Linear: Coupling<D, K>,
-    Arap: proxel_model::energy::Energy<K>,
-{
-    let rest = Rest::<D, K>::new(rest, corners).map_err(|e| DeformError(e.to_string()))?;
-    Ok(Box::new(Elements::<D, K, Linear>::new(&rest, Arap::default(), 1.0)))
 }

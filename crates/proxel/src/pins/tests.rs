@@ -116,23 +116,28 @@ fn springs_and_loads() {
 }
 
 #[test]
-fn loads_and_springs_on_pins_are_dropped_with_a_warning() {
+fn loads_on_pins_are_dropped_with_a_warning() {
     let h = handles(
-        "[groups.a]\nindices = [1, 2]\n[groups.f]\nindices = [2, 3]\nforce = { each = [1, 0, 0] }\n\
-         [groups.s]\nindices = [1]\nstiffness = 1",
+        "[groups.a]\nindices = [1, 2, 1]\n[groups.f]\nindices = [2, 3]\nforce = { each = [1, 0, 0] }\n\
+         [groups.s]\nindices = [4]\nstiffness = 1\n[groups.t]\nindices = [4]\nstiffness = 2",
     );
-    assert_eq!((h.loads.len(), h.soft.len()), (1, 0));
+    assert_eq!((h.loads.len(), h.soft.len(), h.fixed.len()), (1, 2, 2), "springs add up");
     assert_eq!(
         h.warnings,
-        ["p.toml: 1 loads on pinned vertices have no effect", "p.toml: 1 springs on pinned vertices have no effect"]
+        ["p.toml: 1 duplicate pin ignored, first vertex 1 in group `a`", "p.toml: 1 loads on pinned vertices have no effect"]
     );
 }
 
 #[test]
-fn overlapping_groups_must_agree() {
-    let h = handles("[groups.a]\nindices = [1, 2]\n[groups.b]\nindices = [2, 3]");
-    assert_eq!(h.fixed.len(), 3);
-    assert_eq!(h.warnings, ["p.toml: 1 duplicate pin ignored, first vertex 2 in group `b`"]);
+fn overlapping_groups_are_refused() {
+    assert_eq!(
+        refusal("[groups.a]\nindices = [1, 2]\n[groups.b]\nindices = [2, 3]"),
+        "p.toml: groups `a` and `b` overlap: both hold vertex 2; take the vertex out of one of them"
+    );
+    assert_eq!(
+        refusal("[groups.a]\nindices = [1, 2]\n[groups.s]\nindices = [3, 1]\nstiffness = 1"),
+        "p.toml: groups `a` and `s` overlap: the one holds vertex 1, the other pulls at it; take the vertex out of one of them"
+    );
     assert_eq!(
         refusal("[groups.a]\nindices = [1, 2]\n[groups.b]\nindices = [2]\ntranslate = [1, 0, 0]"),
         "p.toml: groups `a` and `b` send vertex 2 to different places; take the vertex out of one of \
