@@ -194,6 +194,13 @@ pub fn vector(text: &str) -> Result<[f64; 3], String> {
     Ok([number(x)?, number(y)?, number(z)?])
 }
 
+/// Six numbers parted by commas.
+pub fn six(text: &str) -> Result<[f64; 6], String> {
+    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is no number"));
+    let numbers = text.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
+    numbers.try_into().map_err(|_| "give a point and a normal, such as 0,-1,0,0,1,0".to_owned())
+}
+
 /// Two numbers parted by a comma; the second may be `inf`.
 pub fn pair(text: &str) -> Result<[f64; 2], String> {
     let (low, high) = text.split_once(',').ok_or("give two numbers parted by a comma, such as 0.95,1.05")?;

@@ -71,7 +71,8 @@ pub struct Report {
     pub factor_bytes: Option<u64>,
     /// Threads used.
     pub threads: usize,
-    /// The sum of the reaction forces of each group of pins: what the body exerts on it.
+    /// The sum of the reaction forces of each group of pins and of each obstacle (`obstacle 0`, ..): what the body exerts on
+    /// it.
     #[serde(default)]
     pub reactions: BTreeMap<String, [f64; 3]>,
 }

@@ -111,14 +111,6 @@ impl Admm {
         &self.u
     }
 
-    /// The gradient of f(x) + 1/2 sum w^2 |c(Dx) - p|^2 over all nodes, fixed ones included: where z has converged, the
-    /// objective's with the forces w^2 u of hard sets.
-    pub fn forces(&mut self) -> Vec<f64> {
-        let mut forces = vec![0.0; self.x.len()];
-        self.problem.penalty(&self.x, &self.p, &mut forces);
-        forces
-    }
-
     /// Gives the problem back, for another method to go on.
     pub fn into_problem(self) -> Problem {
         self.problem
@@ -181,5 +173,17 @@ impl Method for Admm {
         }
         let relative = |part2: f64| (part2 / residual.size2.max(f64::MIN_POSITIVE)).sqrt();
         Residuals { primal: relative(residual.gap2), dual: relative(self.moved2) }
+    }
+
+    fn forces(&mut self) -> Option<Vec<f64>> {
+        let mut forces = vec![0.0; self.x.len()];
+        self.problem.penalty(&self.x, &self.p, &mut forces);
+        Some(forces)
+    }
+
+    fn forces_of_term(&mut self, term: usize) -> Option<Vec<f64>> {
+        let mut forces = vec![0.0; self.x.len()];
+        self.problem.terms.get_mut(term)?.penalty(&self.x, &self.p[term], &mut forces);
+        Some(forces)
     }
 }

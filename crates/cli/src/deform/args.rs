@@ -8,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use proxel::model::energy::{MaterialError, names};
 use proxel::settings::{AdmmSettings, DeformSettings, Material, MethodName, Schedule};
 
-use crate::args::{SolveArgs, pair, vector};
+use crate::args::{SolveArgs, pair, six, vector};
 use crate::refusal::Refusal;
 
 /// The arguments of `proxel deform`.
@@ -24,6 +24,16 @@ where the start has them. Or groups, in a .toml or .json file:
   [groups.wind]
   indices = [7, 8]
   force = { total = [10, 0, 0] }                     # or each; stiffness = 1e4 makes soft springs
+  [groups.lung]
+  sphere = { center = [0, 1, 0], radius = 0.5 }
+  pressure = 50                                      # on faces with all corners in the group
+  [[equality]]                                       # sum of coefficients times positions = value
+  vertices = [3, 4]
+  coefficients = [1, -1]
+  value = [0, 0.1, 0]
+  [[obstacle]]                                       # as --obstacle
+  point = [0, -1, 0]
+  normal = [0, 1, 0]
 
 Examples:
   proxel deform rest.node --init init.node --pins handles.txt --out posed.vtu
@@ -87,6 +97,14 @@ pub struct MaterialArgs {
     /// Acceleration, such as 0,-9.81,0.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
     pub gravity: Option<[f64; 3]>,
+    /// Pressure on all faces, force over area along the outward normal: positive ones inflate. Of the boundary of
+    /// tetrahedra, or of triangles as they are oriented.
+    #[arg(long, value_name = "P", allow_negative_numbers = true)]
+    pub pressure: Option<f64>,
+    /// A plane that all vertices stay on one side of, without friction: a point of it, and a normal that points to that
+    /// side. May be given several times.
+    #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ", allow_hyphen_values = true, value_parser = six)]
+    pub obstacle: Vec<[f64; 6]>,
     /// Quadratic bending of triangles, force times length: the flexural rigidity E h^3 / (12 (1 - nu^2)) of a sheet of
     /// thickness h, whose --young is then E h, force over length.
     #[arg(long, value_name = "K", allow_negative_numbers = true, default_value_t = DeformSettings::default().bending)]

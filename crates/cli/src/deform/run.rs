@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use proxel::deform::{DeformInput, Deformation, Hooks, Progress, deform, extras};
-use proxel::pins::{Handles, PinFile};
+use proxel::pins::{HalfSpace, Handles, PinFile};
 use proxel::report::TraceRow;
 use proxel::settings::DeformSettings;
 use proxel::split::Status;
@@ -130,8 +130,16 @@ fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inp
     };
     let mut warnings = handles.warnings;
     check_regions(args, &mesh, settings, &mut warnings)?;
-    let weighs = settings.weighs();
-    if start.is_none() && !handles.moved && handles.loads.is_empty() && !weighs {
+    let mut pressures = handles.pressures;
+    pressures.extend(args.material.pressure.map(|p| ((0..mesh.n_verts() as u32).collect(), p)));
+    let mut obstacles = handles.obstacles;
+    obstacles.extend(args.material.obstacle.iter().map(|o| HalfSpace {
+        point: [o[0], o[1], o[2]],
+        normal: [o[3], o[4], o[5]],
+    }));
+    let loaded = settings.weighs() || !handles.loads.is_empty() || !pressures.is_empty();
+    let constrained = !handles.equalities.is_empty() || !obstacles.is_empty();
+    if start.is_none() && !handles.moved && !loaded && !constrained {
         warnings.push("nothing moves the body; give --init, pins with targets, or loads".to_owned());
     }
     let input = DeformInput {
@@ -140,6 +148,9 @@ fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inp
         fixed: handles.fixed,
         soft: handles.soft,
         loads: handles.loads,
+        pressures,
+        equalities: handles.equalities,
+        obstacles,
         groups: handles.groups,
         reference,
     };

@@ -1,7 +1,7 @@
 //! The body as the solver sees it: centred, sorted, with its elements, loads and anchors.
 
 use super::elements::{Cells, add_weights, build};
-use super::{DeformError, DeformInput, planar, sheet, start};
+use super::{DeformError, DeformInput, constraints, planar, sheet, start};
 use crate::settings::DeformSettings;
 use proxel_mesh::{check, topology};
 use proxel_split::{Problem, Quadratic, SystemError};
@@ -13,6 +13,7 @@ pub struct Body {
     center: [f64; 3],
     order: Vec<u32>, // the user's vertex at each place: free ones first
     n_free: usize,
+    obstacles: std::ops::Range<usize>, // their terms
     targets: Vec<(u32, [f64; 3])>, // fixed vertices and where, in the user's numbering and units
     reference: Option<Vec<f64>>,   // in the solver's
     repaired_tets: Option<Vec<[u32; 4]>>,
@@ -39,6 +40,7 @@ impl Body {
             center: [0.0; 3],
             order: Vec::new(),
             n_free: 0,
+            obstacles: 0..0,
             targets: Vec::new(),
             reference: None,
             repaired_tets: None,
@@ -80,7 +82,12 @@ impl Body {
             None => start::smooth(&kinds, &number, &rest, body.with_targets(rest.clone()), body.n_free, body.dim)?,
         };
         body.reference = input.reference.as_ref().map(|r| body.centred(r));
-        body.problem = Some(Problem { dim: body.dim, n_free: body.n_free, x0, terms, quadratic, barrier });
+        let mut problem = Problem { dim: body.dim, n_free: body.n_free, x0, terms, quadratic, barrier };
+        let around = constraints::Around { name: &body.name, input, number: &number, center: body.center, kinds: &kinds };
+        let obstacles = problem.terms.len();
+        body.warnings.extend(around.add(&mut problem, settings)?);
+        body.obstacles = obstacles..problem.terms.len();
+        body.problem = Some(problem);
         Ok(body)
     }
 
@@ -94,6 +101,11 @@ impl Body {
             quadratic: Quadratic::default(),
             barrier: false,
         })
+    }
+
+    /// The terms that are obstacles.
+    pub(super) fn obstacles(&self) -> std::ops::Range<usize> {
+        self.obstacles.clone()
     }
 
     /// What the user should know.
@@ -171,8 +183,9 @@ impl Body {
                 self.name
             ));
         }
-        let mut held = vec![false; components.count];
-        let mut loaded = vec![settings.weighs(); components.count];
+        // An obstacle may be all that holds a body up, and a body that it does not is told by the run.
+        let mut held = vec![!input.obstacles.is_empty(); components.count];
+        let mut loaded = vec![settings.weighs() || !input.pressures.is_empty(); components.count];
         let mut lowest = vec![u32::MAX; components.count];
         for v in 0..n {
             if let Some(c) = components.of_vertex[v] {

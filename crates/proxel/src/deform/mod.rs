@@ -4,6 +4,7 @@
 //! units and vertex order; inside, the mesh is moved to the origin and vertices are sorted, free ones first.
 
 mod body;
+mod constraints;
 mod elements;
 mod extras;
 mod planar;
@@ -15,6 +16,7 @@ pub use body::Body;
 pub use extras::{Extras, extras};
 pub use watch::{Hooks, Progress};
 
+use crate::pins::HalfSpace;
 use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
@@ -38,6 +40,13 @@ pub struct DeformInput {
     pub soft: Vec<(u32, [f64; 3], f64)>,
     /// Forces on vertices.
     pub loads: Vec<(u32, [f64; 3])>,
+    /// Pressures on the faces whose corners are all among these vertices, force over area along the outward normal: of the
+    /// boundary of tetrahedra, or of triangles as they are oriented.
+    pub pressures: Vec<(Vec<u32>, f64)>,
+    /// Rows sum a_i x_i = b over vertices, which hold exactly.
+    pub equalities: Vec<(Vec<(u32, f64)>, [f64; 3])>,
+    /// Planes that vertices stay on the side of, to which the normal points; without friction.
+    pub obstacles: Vec<HalfSpace>,
     /// Named groups of vertices, whose reaction forces are reported.
     pub groups: Vec<(String, Vec<u32>)>,
     /// Positions to measure the position error against; they change nothing.
@@ -120,8 +129,8 @@ fn deform_here(
     let hard = run.problem.has_hard_sets();
     let mut grad = vec![0.0; x.len()];
     let energy = run.problem.energy(&x, Some(&mut grad));
-    let gradient_norm = proxel_split::vector::norm(&grad[..run.problem.n_free * run.problem.dim]);
     let reaction = reactions(&body, run.forces.as_deref().unwrap_or(&grad));
+    let gradient_norm = run.problem.gradient_norm(&mut grad[..run.problem.n_free * run.problem.dim]);
     let outcome = &run.outcome;
     let report = Report {
         version: env!("CARGO_PKG_VERSION").to_string(),
@@ -152,7 +161,7 @@ fn deform_here(
         peak_bytes: None,
         factor_bytes: Some(run.factor_bytes),
         threads,
-        reactions: sums(&input.groups, &body, &reaction),
+        reactions: sums(&input.groups, &body, &reaction, &run.contacts),
     };
     let (status, repaired_tets) = (outcome.status, body.repaired_tets());
     Ok(Deformation { positions, start, status, report, repaired_tets, reaction })
@@ -167,9 +176,23 @@ fn reactions(body: &Body, grad: &[f64]) -> Vec<[f64; 3]> {
     out
 }
 
-/// The sum over the fixed vertices of each group that has some.
-fn sums(groups: &[(String, Vec<u32>)], body: &Body, reaction: &[[f64; 3]]) -> BTreeMap<String, [f64; 3]> {
+/// The sum over the fixed vertices of each group that has some, and over those that touch each obstacle.
+fn sums(
+    groups: &[(String, Vec<u32>)],
+    body: &Body,
+    reaction: &[[f64; 3]],
+    contacts: &[Vec<f64>],
+) -> BTreeMap<String, [f64; 3]> {
     let mut sums = BTreeMap::new();
+    for (k, forces) in contacts.iter().enumerate() {
+        let mut sum = [0.0; 3];
+        for force in body.vectors(forces) {
+            for d in 0..3 {
+                sum[d] += force[d];
+            }
+        }
+        sums.insert(format!("obstacle {k}"), sum);
+    }
     for (name, vertices) in groups {
         let mut sum = [0.0; 3];
         for v in vertices.iter().filter(|v| body.is_fixed(**v)) {
@@ -194,6 +217,7 @@ struct Finished {
     problem: Problem,
     reference_gradient: f64,
     forces: Option<Vec<f64>>, // gradient over all nodes with the forces of hard sets, where there are some
+    contacts: Vec<Vec<f64>>,  // what the body exerts on each obstacle, over all nodes
     residuals: Residuals,
     factor_bytes: u64,
     setup: f64,
@@ -221,6 +245,7 @@ impl Finished {
             problem,
             reference_gradient: 0.0,
             forces: None,
+            contacts: Vec::new(),
             residuals: Residuals { primal: 0.0, dual: 0.0 },
             factor_bytes: 0,
             setup: 0.0,
@@ -269,9 +294,10 @@ fn solve(
     let factor_bytes = method.normal().factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
     let residuals = method.residuals();
-    let forces = hard.then(|| method.forces());
+    let forces = if hard { method.forces() } else { None };
+    let contacts = body.obstacles().map(|term| method.forces_of_term(term).unwrap_or_default()).collect();
     let problem = method.into_problem();
-    Ok(Finished { outcome, problem, reference_gradient, forces, residuals, factor_bytes, setup, solve })
+    Ok(Finished { outcome, problem, reference_gradient, forces, contacts, residuals, factor_bytes, setup, solve })
 }
 
 impl MethodName {

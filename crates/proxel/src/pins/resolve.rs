@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::motion::{Motion, centroid};
 use super::select::out_of_range;
-use super::{Content, Force, Group, InputError, PinFile};
+use super::{Content, Force, Group, HalfSpace, InputError, PinFile};
 
 type V3 = [f64; 3];
 
@@ -18,6 +18,12 @@ pub struct Handles {
     pub soft: Vec<(u32, V3, f64)>,
     /// Point loads, each vertex once.
     pub loads: Vec<(u32, V3)>,
+    /// Pressures: the vertices whose faces they act on, force over area along the outward normal.
+    pub pressures: Vec<(Vec<u32>, f64)>,
+    /// Rows sum a_i x_i = b: vertices with their a, and b.
+    pub equalities: Vec<(Vec<(u32, f64)>, V3)>,
+    /// Planes that every vertex stays on the side of, to which the normal points.
+    pub obstacles: Vec<HalfSpace>,
     /// The groups and their vertices; `pins` for those of a list.
     pub groups: Vec<(String, Vec<u32>)>,
     /// Whether the file says where vertices go, so that a start of its own is not needed.
@@ -40,10 +46,13 @@ impl PinFile {
             let what = format!("the start has {} vertices, the rest shape {}", start.len(), rest.len());
             return Err(InputError::new(&self.name, what, "give both the same vertices"));
         }
-        match &self.content {
+        let mut handles = match &self.content {
             Content::List(list) => self.resolve_list(list, start),
             Content::Groups(groups) => self.resolve_groups(groups, rest, start),
-        }
+        }?;
+        handles.equalities = self.around.rows(&self.name, rest.len())?;
+        handles.obstacles.clone_from(&self.around.obstacles);
+        Ok(handles)
     }
 
     fn resolve_list(&self, list: &[(u32, usize)], start: &[V3]) -> Result<Handles, InputError> {
@@ -87,6 +96,10 @@ impl PinFile {
             out.groups.push((name.clone(), members.iter().copied().collect()));
             if let Some(force) = group.force {
                 self.add_loads(&mut loads, name, force, &members)?;
+                continue;
+            }
+            if let Some(pressure) = group.pressure {
+                out.pressures.push((members.iter().copied().collect(), pressure));
                 continue;
             }
             out.moved |= group.moves();

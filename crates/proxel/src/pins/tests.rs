@@ -149,7 +149,7 @@ fn overlapping_groups_are_refused() {
 #[test]
 fn groups_that_make_no_sense_are_refused() {
     for (text, part) in [
-        ("", "missing field `groups`"),
+        ("", "it has no groups"),
         ("[groups]", "it has no groups"),
         ("[groups.a]", "group `a`: it chooses no vertices"),
         ("[groups.a]\nindices = []", "group `a` chooses none of the 8 vertices"),
@@ -175,6 +175,14 @@ fn groups_that_make_no_sense_are_refused() {
         ("[groups.a]\nbox = { min = [1,0,0], max = [0,0,0] }", "the box has its x from 1 to 0"),
         ("[groups.a]\nindices = [1]\nscale = \"big\"", "expected a factor, three factors"),
         ("groups = 3", "expected groups by name"),
+        ("[groups.a]\nindices = [1]\nforce = { each = [1,0,0] }\npressure = 1", "exclude each other"),
+        ("[groups.a]\nindices = [1]\npressure = nan", "a number of `pressure` is NaN"),
+        ("[[equality]]\nvertices = []", "equality 0 (0-based) names no vertices"),
+        ("[[equality]]\nvertices = [1, 9]", "equality 0 (0-based): vertex index 9 is out of range"),
+        ("[[equality]]\nvertices = [1, 2]\ncoefficients = [1]", "1 coefficients for 2 vertices"),
+        ("[[equality]]\nvertices = [1]\nvalue = [0, inf, 0]", "has the number inf"),
+        ("[[equality]]\nvertex = [1]", "unknown key `vertex`; did you mean `vertices`?"),
+        ("[[obstacle]]\npoint = [0, 0, 0]\nnormal = [0, 0, 0]", "obstacle 0 (0-based)"),
         ("[groups.a\nindices = [1]", "line 1:"),
     ] {
         let message = refusal(text);
@@ -222,4 +230,24 @@ fn files_that_cannot_be_read() {
     assert_eq!(say("/no/such/pins.txt"), "/no/such/pins.txt: no such file; check the path");
     let dir = std::env::temp_dir();
     assert!(say(dir.to_str().unwrap()).contains("it is a folder"));
+}
+
+#[test]
+fn pressures_equalities_and_obstacles_are_read_and_written() {
+    let text = "[groups.p]\nindices = [1, 3, 5]\npressure = 2.5\n\
+                [[equality]]\nvertices = [1, 2, 1]\ncoefficients = [1, -2, 0.5]\nvalue = [0, 1, 0]\n\
+                [[equality]]\nvertices = [4, 0]\n\
+                [[obstacle]]\npoint = [0, -1, 0]\nnormal = [0, 2, 0]\n";
+    let h = handles(text);
+    assert_eq!(h.pressures, [(vec![1, 3, 5], 2.5)]);
+    assert_eq!(h.equalities[0], (vec![(1, 1.5), (2, -2.0)], [0.0, 1.0, 0.0]));
+    assert_eq!(h.equalities[1], (vec![(0, 1.0), (4, 1.0)], [0.0; 3]));
+    assert_eq!((h.obstacles.len(), h.obstacles[0].normal), (1, [0.0, 2.0, 0.0]));
+    let file = toml(text).unwrap();
+    for name in ["q.toml", "q.json"] {
+        let written = file.to_text(Path::new(name)).unwrap();
+        let again = if name == "q.json" { PinFile::from_json("p.toml", &written) } else { toml(&written) };
+        assert_eq!(again.unwrap(), file, "{written}");
+    }
+    assert!(toml("[[obstacle]]\npoint = [0, 0, 0]\nnormal = [0, 1, 0]").is_ok(), "no groups are needed");
 }
