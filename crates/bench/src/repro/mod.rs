@@ -7,6 +7,7 @@ mod comparison;
 mod context;
 mod figure2;
 mod figure4;
+mod figure8;
 mod schedules;
 mod spring;
 mod sweeps;
@@ -35,7 +36,7 @@ pub struct Reproduction {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 5] = [
+pub const ALL: [Reproduction; 6] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -56,6 +57,13 @@ pub const ALL: [Reproduction; 5] = [
         models: &["homer"],
         standalone: false,
         run: figure4::run,
+    },
+    Reproduction {
+        name: "wrapd-figure8",
+        about: "cloth with hard strain limits: position error against time, and pictures at equal time",
+        models: &[],
+        standalone: true,
+        run: figure8::run,
     },
     Reproduction {
         name: "wrapd-sweeps",

@@ -185,7 +185,7 @@ impl Body {
         }
         // An obstacle may be all that holds a body up, and a body that it does not is told by the run.
         let mut held = vec![!input.obstacles.is_empty(); components.count];
-        let mut loaded = vec![settings.weighs() || !input.pressures.is_empty(); components.count];
+        let mut loaded = vec![settings.weighs() || constraints::pushes(input, kinds); components.count];
         let mut lowest = vec![u32::MAX; components.count];
         for v in 0..n {
             if let Some(c) = components.of_vertex[v] {

@@ -12,6 +12,28 @@ use std::sync::Arc;
 /// Squared weights of obstacles over the stiffness that a node has from its elements.
 const OBSTACLE_WEIGHT: f64 = 0.3;
 
+/// The faces that pressure on some vertices acts on: of the boundary of tetrahedra, else triangles.
+fn patch(kinds: &[Cells], vertices: &[u32], n: usize) -> Vec<[u32; 3]> {
+    let faces = kinds.first().map_or_else(Vec::new, |cells| match cells {
+        Cells::Tets(tets) => boundary_surface(tets),
+        Cells::Triangles(triangles) => triangles.clone(),
+        Cells::Springs(_) => Vec::new(),
+    });
+    let mut chosen = vec![false; n];
+    for v in vertices {
+        if let Some(chosen) = chosen.get_mut(*v as usize) {
+            *chosen = true;
+        }
+    }
+    faces.into_iter().filter(|f| f.iter().all(|v| chosen[*v as usize])).collect()
+}
+
+/// Whether some pressure acts on an open patch, and so pushes the body somewhere.
+pub(super) fn pushes(input: &DeformInput, kinds: &[Cells]) -> bool {
+    let n = input.rest.n_verts();
+    input.pressures.iter().any(|(vertices, _)| !Pressure::border(&patch(kinds, vertices, n)).is_empty())
+}
+
 /// The body, as far as its surroundings are concerned.
 pub(super) struct Around<'a> {
     pub name: &'a str,
@@ -71,27 +93,12 @@ impl Around<'_> {
         })
     }
 
-    /// The faces that pressure acts on: the boundary of tetrahedra, else triangles.
-    fn faces(&self) -> Vec<[u32; 3]> {
-        self.kinds.first().map_or_else(Vec::new, |cells| match cells {
-            Cells::Tets(tets) => boundary_surface(tets),
-            Cells::Triangles(triangles) => triangles.clone(),
-            Cells::Springs(_) => Vec::new(),
-        })
-    }
 
     fn add_pressure(&self, problem: &mut Problem, vertices: &[u32], p: f64) -> Result<Option<String>, DeformError> {
         if problem.dim == 2 {
             return Err(DeformError(format!("{}: pressure acts on faces; it does not go with --planar", self.name)));
         }
-        let mut chosen = vec![false; self.number.len()];
-        for v in vertices {
-            if let Some(chosen) = chosen.get_mut(*v as usize) {
-                *chosen = true;
-            }
-        }
-        let faces: Vec<[u32; 3]> =
-            self.faces().into_iter().filter(|f| f.iter().all(|v| chosen[*v as usize])).collect();
+        let faces = patch(self.kinds, vertices, self.number.len());
         if faces.is_empty() || !p.is_finite() {
             return Err(DeformError(format!(
                 "{}: the pressure {p} acts on {} faces; choose vertices so that all corners of some face are among them",
