@@ -2,7 +2,7 @@
 
 use proxel::deform::{DeformInput, Deformation, Extras};
 use proxel::preview::{Camera, Image, Model, Scene, Style, render};
-use proxel_mesh::topology::{boundary_surface, surface};
+use proxel_mesh::topology::{boundary_surface, face_edges, surface, tet_edges};
 
 /// Size of a panel.
 const PANEL: [usize; 2] = [720, 640];
@@ -96,8 +96,11 @@ fn vertex_strain(input: &DeformInput, extras: &Extras) -> Vec<f64> {
             *n += 1.0;
         }
     };
-    // Springs have densities of edges, which are not drawn.
-    if mesh.tets.len() == extras.energy_density.len() {
+    // Springs on the edges of faces have densities of edges.
+    let springs = if mesh.tets.is_empty() { face_edges(&mesh.faces) } else { tet_edges(&mesh.tets) };
+    if springs.len() == extras.energy_density.len() {
+        springs.iter().zip(&extras.energy_density).for_each(|(e, &d)| add(e, d));
+    } else if mesh.tets.len() == extras.energy_density.len() {
         mesh.tets.iter().zip(&extras.energy_density).for_each(|(t, &d)| add(t, d));
     } else if mesh.faces.len() == extras.energy_density.len() {
         mesh.faces.iter().zip(&extras.energy_density).for_each(|(f, &d)| add(f, d));

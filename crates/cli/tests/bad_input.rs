@@ -201,7 +201,12 @@ fn constraints_and_sheets() {
     let twice = "[[equality]]\nvertices = [8, 9]\n[[equality]]\nvertices = [9, 8]\n";
     refuses("redundant", with(twice), &solve, &["rest", "equality 1 (0-based)", "follows", "remove it"]);
     let against = "[[equality]]\nvertices = [8, 9]\n[[equality]]\nvertices = [9, 8]\nvalue = [1, 0, 0]\n";
-    refuses("contradictory", with(against), &solve, &["rest", "equality 1 (0-based)", "contradicts", "correct or remove"]);
+    refuses(
+        "contradictory",
+        with(against),
+        &solve,
+        &["rest", "equality 1 (0-based)", "contradicts", "correct or remove"],
+    );
     let range = "[[equality]]\nvertices = [8, 12]\n";
     refuses("row-range", with(range), &solve, &["p.toml", "equality 0", "12 is out of range", "0 to 11"]);
     let flat = "[[obstacle]]\npoint = [0, 0, 0]\nnormal = [0, 0, 0]\n";
@@ -213,7 +218,12 @@ fn constraints_and_sheets() {
     refuses("bending-negative", |_| (), &with("--bending -1"), &["--bending", "negative"]);
     refuses("planar", |_| (), &with("--planar"), &["rest", "tetrahedra", "--planar"]);
     refuses("obstacle-text", |_| (), &with("--obstacle 1,2,3"), &["--obstacle", "a point and a normal"]);
-    refuses("obstacle-pin", |_| (), &with("--obstacle 9,0,0,1,0,0"), &["rest", "vertex 0", "behind obstacle 0", "move the pin"]);
+    refuses(
+        "obstacle-pin",
+        |_| (),
+        &with("--obstacle 9,0,0,1,0,0"),
+        &["rest", "vertex 0", "behind obstacle 0", "move the pin"],
+    );
     refuses("pressure", |_| (), &with("--pressure nan"), &["rest", "pressure NaN"]);
     refuses("demo", |_| (), "demo squid", &["'squid'", "octopus", "cloth"]);
 }

@@ -221,7 +221,10 @@ fn a_sheet_with_limits_hangs_within_them_and_reports_what_its_corners_carry() {
         obj += &format!("f {a} {} {}\nf {a} {} {}\n", a + 1, a + 8, a + 8, a + 7);
     }
     folder.write("cloth.obj", &obj);
-    folder.write("p.toml", "[groups.left]\nindices = [0, 42]\n[groups.right]\nindices = [6, 48]\ntranslate = [-0.05, 0, 0]\n");
+    folder.write(
+        "p.toml",
+        "[groups.left]\nindices = [0, 42]\n[groups.right]\nindices = [6, 48]\ntranslate = [-0.05, 0, 0]\n",
+    );
     let words = "deform cloth.obj --pins p.toml --material arap --young 100 --poisson 0 --bending 1e-4 \
                  --strain-limit 0.95,1.05 --density 0.2 --gravity 0,0,-9.81 --out out.vtu --report r.json";
     for method in ["wrapd", "r-admm"] {

@@ -24,7 +24,8 @@ impl Pressure {
 
     /// The directed edges without a partner: none on a closed patch.
     pub fn border(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
-        let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]).collect();
+        let mut edges: Vec<[u32; 2]> =
+            triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]).collect();
         edges.sort_unstable();
         let has = |e: [u32; 2]| edges.binary_search(&e).is_ok();
         edges.iter().copied().filter(|[a, b]| !has([*b, *a])).collect()

@@ -10,7 +10,7 @@ fn sheet(cells: [usize; 2]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     let cell = |c: usize| {
         let a = (c % nx + (nx + 1) * (c / nx)) as u32;
         let (b, c, d) = (a + 1, a + nx as u32 + 1, a + nx as u32 + 2);
-        if a % 2 == 0 { [[a, b, d], [a, d, c]] } else { [[a, b, c], [b, d, c]] }
+        if a.is_multiple_of(2) { [[a, b, d], [a, d, c]] } else { [[a, b, c], [b, d, c]] }
     };
     (points.collect(), (0..nx * ny).flat_map(cell).collect())
 }
@@ -109,7 +109,8 @@ fn folds_cost_what_their_angles_say() {
 #[test]
 fn edges_without_two_sides_and_triangles_without_angles_are_left_out_and_told() {
     // Three triangles at the edge 0-1, one beside it, and one of no area.
-    let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, -1.0, 0.0], [0.5, 0.0, 1.0], [1.5, 1.0, 0.0]];
+    let points =
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, -1.0, 0.0], [0.5, 0.0, 1.0], [1.5, 1.0, 0.0]];
     let mut positions: Vec<[f64; 3]> = points.to_vec();
     positions.push([2.0, 0.0, 0.0]);
     let triangles = [[0, 1, 2], [1, 0, 3], [0, 1, 4], [1, 5, 2], [0, 1, 6]];

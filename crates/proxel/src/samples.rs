@@ -56,7 +56,8 @@ pub fn cloth(cells: usize) -> Result<Sample, MeshError> {
         let [x, _, z] = *p;
         let (a, b) = (std::f64::consts::TAU * x, std::f64::consts::TAU * z);
         let envelope = (1.0 - 16.0 * x * x * z * z).max(0.0);
-        let height = 0.06 * (3.0 * a + 1.5 * b).sin() + 0.05 * (2.0 * b - a).cos() + 0.03 * (5.0 * a).sin() * (4.0 * b).cos();
+        let height =
+            0.06 * (3.0 * a + 1.5 * b).sin() + 0.05 * (2.0 * b - a).cos() + 0.03 * (5.0 * a).sin() * (4.0 * b).cos();
         let [x, _, z] = shrunk(*p);
         [x, envelope * height, z]
     });
@@ -92,7 +93,7 @@ pub fn planar(cells: usize) -> Result<Sample, MeshError> {
         if x <= -1.0 {
             fixed.push((v as u32, [x, y, z]));
         } else if x >= 1.0 {
-            fixed.push((v as u32, [0.55 + y, -0.75, z]));
+            fixed.push((v as u32, [0.3 + y, -1.2, z]));
         }
     }
     let settings = DeformSettings {
@@ -117,8 +118,8 @@ pub fn springs(cells: usize) -> Result<Sample, MeshError> {
     let on_rim = |p: &[f64; 3]| p[0].abs().max(p[2].abs()) >= 0.5;
     let fixed = (0..).zip(&rest.points).filter(|(_, p)| on_rim(p)).map(|(v, p)| (v, *p)).collect();
     let settings = DeformSettings {
-        material: Material { energy: "spring".into(), young: 10.0, poisson: 0.0, ..Material::default() },
-        density: 0.05,
+        material: Material { energy: "spring".into(), young: 4.0, poisson: 0.0, ..Material::default() },
+        density: 0.1,
         gravity: [0.0, -9.81, 0.0],
         ..DeformSettings::default()
     };
@@ -177,10 +178,12 @@ pub fn mixed(cells: usize) -> Result<Sample, MeshError> {
     }
     rest.face_regions = Some(vec![MEMBRANE; rest.faces.len()]);
     rest.edge_regions = Some(vec![CABLES; rest.edges.len()]);
-    let membrane = Material { energy: "arap".into(), young: 2e3, poisson: 0.3, density: Some(1.0), ..Material::default() };
-    let cable = Material { energy: "spring".into(), young: 2e4, poisson: 0.0, density: Some(0.1), ..Material::default() };
+    let membrane =
+        Material { energy: "arap".into(), young: 2e3, poisson: 0.3, density: Some(1.0), ..Material::default() };
+    let cable =
+        Material { energy: "spring".into(), young: 1e4, poisson: 0.0, density: Some(0.1), ..Material::default() };
     let settings = DeformSettings {
-        material: Material { energy: "stable-neo-hookean".into(), young: 2e4, poisson: 0.4, ..Material::default() },
+        material: Material { energy: "stable-neo-hookean".into(), young: 5e5, poisson: 0.4, ..Material::default() },
         materials: BTreeMap::from([(MEMBRANE, membrane), (CABLES, cable)]),
         bending: 1e-3,
         density: 1000.0,

@@ -23,9 +23,7 @@ fn apart(a: &Deformation, b: &Deformation) -> f64 {
 fn stretches(rest: &Mesh, x: &[[f64; 3]]) -> (f64, f64) {
     let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
     for t in rest.faces.fan_triangles() {
-        let edges = |p: &[[f64; 3]]| {
-            [1, 2].map(|k| [0, 1, 2].map(|d| p[t[k] as usize][d] - p[t[0] as usize][d]))
-        };
+        let edges = |p: &[[f64; 3]]| [1, 2].map(|k| [0, 1, 2].map(|d| p[t[k] as usize][d] - p[t[0] as usize][d]));
         let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|d| a[d] * b[d]).sum::<f64>();
         let gram = |e: [[f64; 3]; 2]| [dot(e[0], e[0]), dot(e[0], e[1]), dot(e[1], e[1])];
         let (g, h) = (gram(edges(&rest.points)), gram(edges(x)));
@@ -151,7 +149,10 @@ fn what_does_not_fit_is_refused_with_item_and_remedy() {
     triangles[3].swap(0, 1);
     folded.rest = Mesh::from_triangles("strip", folded.rest.points, &triangles);
     let told = say(&folded, &settings);
-    assert!(told.contains("1 of 8 triangles are clockwise, the first is 3") && told.contains("--fix-orientation"), "{told}");
+    assert!(
+        told.contains("1 of 8 triangles are clockwise, the first is 3") && told.contains("--fix-orientation"),
+        "{told}"
+    );
     let fixed = run(&folded, &DeformSettings { fix_orientation: true, ..settings.clone() });
     assert_eq!((fixed.status, fixed.report.repaired.len()), (Status::Converged, 1));
     let mut bent = input.clone();

@@ -4,7 +4,7 @@ use proxel::deform::{DeformInput, Deformation, Hooks, deform};
 use proxel::model::energy::{Energy, Lame, NeoHookean};
 use proxel::pins::HalfSpace;
 use proxel::settings::{DeformSettings, Material, MethodName};
-use proxel::split::Status;
+use proxel::split::{Equality, Status};
 use proxel_mesh::generate::{CellSplit, beam, cube};
 
 fn run(input: &DeformInput, settings: &DeformSettings) -> Deformation {
@@ -56,10 +56,11 @@ fn equalities_hold_exactly_and_all_methods_agree() {
     let fixed: Vec<(u32, [f64; 3])> =
         (0..).zip(&rest.points).filter(|(_, p)| p[0] <= -2.0).map(|(v, p)| (v, *p)).collect();
     let (a, b, c) = (at(2.0, -0.5, -0.5), at(2.0, 0.5, 0.5), at(1.0, 0.5, 0.5));
+    let row = |nodes: &[(u32, f64)], value| Equality { nodes: nodes.to_vec(), value };
     let rows = vec![
         // The middle of two corners of the free end goes to a place; a vertex keeps its offset from another.
-        (vec![(a, 0.5), (b, 0.5)], [1.8, 1.2, 0.3]),
-        (vec![(b, 1.0), (c, -1.0)], [0.9, 0.1, 0.2]),
+        row(&[(a, 0.5), (b, 0.5)], [1.8, 1.2, 0.3]),
+        row(&[(b, 1.0), (c, -1.0)], [0.9, 0.1, 0.2]),
     ];
     let input = DeformInput { rest, fixed: fixed.clone(), equalities: rows.clone(), ..DeformInput::default() };
     let with = |method| DeformSettings { method, tol: 1e-8, max_iters: 30_000, ..soft() };
@@ -67,7 +68,7 @@ fn equalities_hold_exactly_and_all_methods_agree() {
     for method in MethodName::ALL {
         let end = run(&input, &with(method));
         assert_eq!(end.status, Status::Converged, "{method:?}: {}", end.report.reason);
-        for (nodes, value) in &rows {
+        for Equality { nodes, value } in &rows {
             for d in 0..3 {
                 let sum: f64 = nodes.iter().map(|(v, a)| a * end.positions[*v as usize][d]).sum();
                 assert!((sum - value[d]).abs() < 1e-9 * 4.0, "{method:?}: {sum} is not {}", value[d]);
@@ -80,16 +81,16 @@ fn equalities_hold_exactly_and_all_methods_agree() {
     let pulled = first.reaction.iter().fold([0.0; 3], |s, f| [s[0] + f[0], s[1] + f[1], s[2] + f[2]]);
     assert!(pulled[1] > 1.0, "lifted: {pulled:?}");
 
-    let refused = |rows: Vec<(Vec<(u32, f64)>, [f64; 3])>| {
+    let refused = |rows: Vec<Equality>| {
         let input = DeformInput { equalities: rows, ..input.clone() };
         deform(&input, &soft(), &mut Hooks::default()).expect_err("refused").to_string()
     };
-    let twice = [rows.clone(), vec![(vec![(a, 1.0), (b, 1.0)], [3.6, 2.4, 0.6])]].concat();
+    let twice = [rows.clone(), vec![row(&[(a, 1.0), (b, 1.0)], [3.6, 2.4, 0.6])]].concat();
     let told = refused(twice);
     assert!(told.contains("equality 2") && told.contains("follows from") && told.contains("remove"), "{told}");
-    let against = [rows.clone(), vec![(vec![(a, 1.0), (b, 1.0)], [3.6, 2.5, 0.6])]].concat();
+    let against = [rows.clone(), vec![row(&[(a, 1.0), (b, 1.0)], [3.6, 2.5, 0.6])]].concat();
     assert!(refused(against).contains("equality 2 (0-based) contradicts"));
-    let on_pins = vec![(vec![(fixed[0].0, 1.0)], [9.0; 3])];
+    let on_pins = vec![row(&[(fixed[0].0, 1.0)], [9.0; 3])];
     assert!(refused(on_pins).contains("equality 0 (0-based) contradicts"));
 }
 
@@ -100,7 +101,8 @@ fn a_block_under_pressure_swells_as_its_material_says() {
     let lame = Lame::from_young_poisson(1e5, 0.3).unwrap();
     let psi: NeoHookean = <NeoHookean as Energy<3>>::from_lame(&lame);
     for pressure in [2e4, -2e4] {
-        let input = DeformInput { rest: rest.clone(), pressures: vec![(all.clone(), pressure)], ..DeformInput::default() };
+        let input =
+            DeformInput { rest: rest.clone(), pressures: vec![(all.clone(), pressure)], ..DeformInput::default() };
         let settings = DeformSettings {
             material: Material { energy: "neo-hookean".into(), young: 1e5, poisson: 0.3, ..Material::default() },
             tol: 1e-9,
@@ -141,7 +143,8 @@ fn obstacles_that_make_no_sense_are_refused() {
     let rest = cube(1).unwrap();
     let pin = vec![(0, rest.points[0])];
     let with = |obstacle: HalfSpace| {
-        let input = DeformInput { rest: rest.clone(), fixed: pin.clone(), obstacles: vec![obstacle], ..DeformInput::default() };
+        let input =
+            DeformInput { rest: rest.clone(), fixed: pin.clone(), obstacles: vec![obstacle], ..DeformInput::default() };
         deform(&input, &soft(), &mut Hooks::default()).expect_err("refused").to_string()
     };
     let behind = with(HalfSpace { point: [0.0, 3.0, 0.0], normal: [0.0, 1.0, 0.0] });

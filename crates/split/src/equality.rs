@@ -88,7 +88,7 @@ impl Equalities {
                     b[d] -= l * reduced[j][d];
                 }
             }
-            if !(left > DEPENDENT * whole) {
+            if left <= DEPENDENT * whole || left.is_nan() {
                 let slack = 1e-9 * whole.sqrt() * size + f64::MIN_POSITIVE;
                 let agrees = b[..dim].iter().all(|b| b.abs() <= slack.max(1e-9 * norm3(&rows[i].value)));
                 return Err(if agrees {
@@ -258,7 +258,7 @@ impl Within {
                 for k in 0..j {
                     sum -= self.schur[i * m + k] * self.schur[j * m + k];
                 }
-                if i == j && !(sum > 0.0) {
+                if i == j && (sum <= 0.0 || sum.is_nan()) {
                     return Ok(false);
                 }
                 self.schur[i * m + j] = if i == j { sum.sqrt() } else { sum / self.schur[j * m + j] };

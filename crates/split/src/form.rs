@@ -141,8 +141,11 @@ mod tests {
 
     #[test]
     fn value_gradient_and_entries_agree_with_the_stencils() {
-        let stencils: [([u32; 3], [f64; 3], f64); 3] =
-            [([0, 1, 2], [1.0, -2.0, 1.0], 3.0), ([1, 2, 3], [1.0, -2.0, 1.0], 0.5), ([3, 0, 1], [2.0, 1.0, -4.0], 1.0)];
+        let stencils: [([u32; 3], [f64; 3], f64); 3] = [
+            ([0, 1, 2], [1.0, -2.0, 1.0], 3.0),
+            ([1, 2, 3], [1.0, -2.0, 1.0], 0.5),
+            ([3, 0, 1], [2.0, 1.0, -4.0], 1.0),
+        ];
         let form = SymmetricForm::from_stencils(4, stencils.iter().map(|(n, c, k)| (&n[..], &c[..], *k)));
         let x = [0.3, -1.0, 2.0, 0.25, -0.5, 4.0, 1.0, 1.0];
         let by_hand: f64 = stencils

@@ -39,6 +39,8 @@ pub use potential::Potential;
 pub use problem::{Problem, ProblemError, Quadratic};
 pub use residual_stop::ResidualTolerance;
 pub use reweight::{Hardening, Range, Reweighting};
-pub use run::{Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, Status, Stop, VIOLATION, Verdict, run};
+pub use run::{
+    Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, Status, Stop, VIOLATION, Verdict, run,
+};
 pub use system::{NormalMatrix, SystemError};
 pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Term};

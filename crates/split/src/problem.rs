@@ -1,6 +1,6 @@
 //! The problem: terms, a quadratic, a start.
 
-use crate::{Equalities, EnergyReport, LocalReport, PenaltyReport, Potential, SymmetricForm, Term, vector};
+use crate::{EnergyReport, Equalities, LocalReport, PenaltyReport, Potential, SymmetricForm, Term, vector};
 use proxel_linalg::sparse::SymPattern;
 use std::sync::Arc;
 

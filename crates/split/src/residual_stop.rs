@@ -28,9 +28,10 @@ impl Stop for ResidualTolerance {
             return None;
         }
         let Residuals { primal, dual } = method.residuals();
-        let far = !(primal.max(dual) <= 30.0 * self.tol);
-        self.next = report.iteration + if far { FAR } else { 1 };
-        if !(primal <= self.tol && dual <= self.tol) {
+        let near = primal <= 30.0 * self.tol && dual <= 30.0 * self.tol;
+        self.next = report.iteration + if near { 1 } else { FAR };
+        let small = primal <= self.tol && dual <= self.tol;
+        if !small {
             return None;
         }
         let energy = method.energy();

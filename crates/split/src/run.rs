@@ -184,8 +184,8 @@ impl Best {
     /// Fewer inverted elements, or as many and no more energy; a NaN energy is never better. Where hard sets do not hold,
     /// what comes closer to them is better.
     fn is_beaten_by(&self, e: &EnergyReport) -> bool {
-        let (new, old) = (e.violation > VIOLATION, !(self.energy.violation <= VIOLATION));
-        if new || old {
+        let hold = e.violation <= VIOLATION && self.energy.violation <= VIOLATION;
+        if !hold {
             return e.value.is_finite() && e.violation <= self.energy.violation;
         }
         e.value.is_finite()

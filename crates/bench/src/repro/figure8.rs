@@ -109,7 +109,8 @@ fn pictures(
         context.file("wrapd.png"),
         context.file("admm-pd.png")
     );
-    let mut table = Table::new(["seconds", "wrapd: iterations", "position error", "admm-pd: iterations", "position error"]);
+    let mut table =
+        Table::new(["seconds", "wrapd: iterations", "position error", "admm-pd: iterations", "position error"]);
     let triangles = model.input.rest.faces.fan_triangles();
     let start = model.input.start.clone().unwrap_or_else(|| model.input.rest.points.clone());
     let reference = model.input.reference.clone().unwrap_or_else(|| start.clone());

@@ -188,8 +188,14 @@ impl DeformArgs {
         s.method = MethodName::from_name(&self.method.method).unwrap_or_default(); // clap lets no other through
         self.method.apply(&mut s.admm);
         let m = &self.material;
-        s.material =
-            Material { energy: m.material.clone(), young: m.young, poisson: m.poisson, mu: m.mu, lambda: m.lambda, density: None };
+        s.material = Material {
+            energy: m.material.clone(),
+            young: m.young,
+            poisson: m.poisson,
+            mu: m.mu,
+            lambda: m.lambda,
+            density: None,
+        };
         if let Err(e) = s.material.lame() {
             let option = match e {
                 MaterialError::Young(_) => "--young: ",

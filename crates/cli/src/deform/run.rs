@@ -133,10 +133,9 @@ fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inp
     let mut pressures = handles.pressures;
     pressures.extend(args.material.pressure.map(|p| ((0..mesh.n_verts() as u32).collect(), p)));
     let mut obstacles = handles.obstacles;
-    obstacles.extend(args.material.obstacle.iter().map(|o| HalfSpace {
-        point: [o[0], o[1], o[2]],
-        normal: [o[3], o[4], o[5]],
-    }));
+    obstacles.extend(
+        args.material.obstacle.iter().map(|o| HalfSpace { point: [o[0], o[1], o[2]], normal: [o[3], o[4], o[5]] }),
+    );
     let loaded = settings.weighs() || !handles.loads.is_empty() || !pressures.is_empty();
     let constrained = !handles.equalities.is_empty() || !obstacles.is_empty();
     if start.is_none() && !handles.moved && !loaded && !constrained {

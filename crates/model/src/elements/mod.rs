@@ -43,17 +43,17 @@ pub struct Elements<const D: usize, const K: usize, C> {
     chunks: Chunks,
     energy: Arc<dyn Density<K>>,
     limits: Option<(f64, f64)>, // see `with_limits`
-    base: f64,             // squared base weight over measure
-    inverse: Vec<f64>,     // [block][K][K][lane]: inverse of the rest edges, empty for tetrahedra
-    rest: Vec<f64>,        // chunk-local rest positions, for tetrahedra
-    measure: Vec<f64>,     // [block][lane]
-    weight2: Vec<f64>,     // [block][lane]: w^2
-    proposed: Vec<f64>,    // [block][lane]: candidate w^2, filled when first asked for
-    warm: Vec<f64>,        // [block][K][lane]: stretches of z
-    near: Vec<f64>,        // chunk-local positions
-    partials: Vec<f64>,    // chunk-local sums of forces
-    singular_values: bool, // see `with_singular_values`
-    softening: f64,        // see `with_softening`
+    base: f64,                  // squared base weight over measure
+    inverse: Vec<f64>,          // [block][K][K][lane]: inverse of the rest edges, empty for tetrahedra
+    rest: Vec<f64>,             // chunk-local rest positions, for tetrahedra
+    measure: Vec<f64>,          // [block][lane]
+    weight2: Vec<f64>,          // [block][lane]: w^2
+    proposed: Vec<f64>,         // [block][lane]: candidate w^2, filled when first asked for
+    warm: Vec<f64>,             // [block][K][lane]: stretches of z
+    near: Vec<f64>,             // chunk-local positions
+    partials: Vec<f64>,         // chunk-local sums of forces
+    singular_values: bool,      // see `with_singular_values`
+    softening: f64,             // see `with_softening`
     coupling: PhantomData<C>,
 }
 

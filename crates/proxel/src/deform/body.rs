@@ -14,8 +14,8 @@ pub struct Body {
     order: Vec<u32>, // the user's vertex at each place: free ones first
     n_free: usize,
     obstacles: std::ops::Range<usize>, // their terms
-    targets: Vec<(u32, [f64; 3])>, // fixed vertices and where, in the user's numbering and units
-    reference: Option<Vec<f64>>,   // in the solver's
+    targets: Vec<(u32, [f64; 3])>,     // fixed vertices and where, in the user's numbering and units
+    reference: Option<Vec<f64>>,       // in the solver's
     repaired_tets: Option<Vec<[u32; 4]>>,
     warnings: Vec<String>,
     repaired: Vec<String>,
@@ -83,7 +83,8 @@ impl Body {
         };
         body.reference = input.reference.as_ref().map(|r| body.centred(r));
         let mut problem = Problem { dim: body.dim, n_free: body.n_free, x0, terms, quadratic, barrier };
-        let around = constraints::Around { name: &body.name, input, number: &number, center: body.center, kinds: &kinds };
+        let around =
+            constraints::Around { name: &body.name, input, number: &number, center: body.center, kinds: &kinds };
         let obstacles = problem.terms.len();
         body.warnings.extend(around.add(&mut problem, settings)?);
         body.obstacles = obstacles..problem.terms.len();
@@ -162,7 +163,8 @@ impl Body {
     /// Collects fixed vertices: the user's, unreferenced ones in place, and one of each component that nothing holds.
     fn anchor(&mut self, input: &DeformInput, settings: &DeformSettings, kinds: &[Cells]) -> Result<(), DeformError> {
         let n = input.rest.n_verts();
-        let components = topology::components(n, kinds.iter().flat_map(|cells| cells.corners().chunks_exact(cells.size())));
+        let components =
+            topology::components(n, kinds.iter().flat_map(|cells| cells.corners().chunks_exact(cells.size())));
         let mut fixed: Vec<Option<[f64; 3]>> = vec![None; n];
         for (v, target) in &input.fixed {
             fixed[*v as usize] = Some(*target);

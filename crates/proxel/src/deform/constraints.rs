@@ -69,7 +69,7 @@ impl Around<'_> {
     }
 
     fn equalities(&self, problem: &Problem) -> Result<Equalities, DeformError> {
-        let rows = self.input.equalities.iter().map(|(nodes, value)| {
+        let rows = self.input.equalities.iter().map(|Equality { nodes, value }| {
             let sum: f64 = nodes.iter().map(|n| n.1).sum();
             Equality {
                 nodes: nodes
@@ -92,7 +92,6 @@ impl Around<'_> {
             DeformError(format!("{}: equality {row} (0-based) {what}", self.name))
         })
     }
-
 
     fn add_pressure(&self, problem: &mut Problem, vertices: &[u32], p: f64) -> Result<Option<String>, DeformError> {
         if problem.dim == 2 {

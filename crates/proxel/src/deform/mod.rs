@@ -21,8 +21,8 @@ use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
 use proxel_split::{
-    Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome, Problem,
-    ResidualTolerance, Residuals, Status, Stop,
+    Admm, AdmmSettings, Cancel, Direct, Equality, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method,
+    Outcome, Problem, ResidualTolerance, Residuals, Status, Stop,
 };
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -44,7 +44,7 @@ pub struct DeformInput {
     /// boundary of tetrahedra, or of triangles as they are oriented.
     pub pressures: Vec<(Vec<u32>, f64)>,
     /// Rows sum a_i x_i = b over vertices, which hold exactly.
-    pub equalities: Vec<(Vec<(u32, f64)>, [f64; 3])>,
+    pub equalities: Vec<Equality>,
     /// Planes that vertices stay on the side of, to which the normal points; without friction.
     pub obstacles: Vec<HalfSpace>,
     /// Named groups of vertices, whose reaction forces are reported.
@@ -289,8 +289,7 @@ fn solve(
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
     let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
-    let outcome =
-        proxel_split::run(&mut method, &mut [converged, &mut cancel, &mut time, &mut limit], &mut watcher);
+    let outcome = proxel_split::run(&mut method, &mut [converged, &mut cancel, &mut time, &mut limit], &mut watcher);
     let factor_bytes = method.normal().factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
     let residuals = method.residuals();

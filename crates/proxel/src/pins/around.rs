@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use proxel_split::Equality;
 use serde::{Deserialize, Serialize};
 
 use super::select::out_of_range;
@@ -36,9 +37,8 @@ impl Around {
     /// What can be said without a mesh.
     pub fn check(&self, file: &str) -> Result<(), InputError> {
         for (k, row) in self.equalities.iter().enumerate() {
-            let refuse = |what: &str, remedy: &str| {
-                Err(InputError::new(file, format!("equality {k} (0-based) {what}"), remedy))
-            };
+            let refuse =
+                |what: &str, remedy: &str| Err(InputError::new(file, format!("equality {k} (0-based) {what}"), remedy));
             if row.vertices.is_empty() {
                 return refuse("names no vertices", "add some or remove it");
             }
@@ -66,7 +66,7 @@ impl Around {
     }
 
     /// The equalities over a body of `n` vertices; a vertex named twice has the sum of its coefficients.
-    pub fn rows(&self, file: &str, n: usize) -> Result<Vec<(Vec<(u32, f64)>, [f64; 3])>, InputError> {
+    pub fn rows(&self, file: &str, n: usize) -> Result<Vec<Equality>, InputError> {
         let mut rows = Vec::new();
         for (k, row) in self.equalities.iter().enumerate() {
             let mut sums: BTreeMap<u32, f64> = BTreeMap::new();
@@ -76,7 +76,7 @@ impl Around {
                 }
                 *sums.entry(v.0).or_default() += row.coefficients.as_ref().map_or(1.0, |a| a[i]);
             }
-            rows.push((sums.into_iter().collect(), row.value));
+            rows.push(Equality { nodes: sums.into_iter().collect(), value: row.value });
         }
         Ok(rows)
     }

@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use proxel_split::Equality;
+
 use super::motion::{Motion, centroid};
 use super::select::out_of_range;
 use super::{Content, Force, Group, HalfSpace, InputError, PinFile};
@@ -20,8 +22,8 @@ pub struct Handles {
     pub loads: Vec<(u32, V3)>,
     /// Pressures: the vertices whose faces they act on, force over area along the outward normal.
     pub pressures: Vec<(Vec<u32>, f64)>,
-    /// Rows sum a_i x_i = b: vertices with their a, and b.
-    pub equalities: Vec<(Vec<(u32, f64)>, V3)>,
+    /// Rows sum a_i x_i = b over vertices.
+    pub equalities: Vec<Equality>,
     /// Planes that every vertex stays on the side of, to which the normal points.
     pub obstacles: Vec<HalfSpace>,
     /// The groups and their vertices; `pins` for those of a list.

@@ -124,7 +124,10 @@ fn loads_on_pins_are_dropped_with_a_warning() {
     assert_eq!((h.loads.len(), h.soft.len(), h.fixed.len()), (1, 2, 2), "springs add up");
     assert_eq!(
         h.warnings,
-        ["p.toml: 1 duplicate pin ignored, first vertex 1 in group `a`", "p.toml: 1 loads on pinned vertices have no effect"]
+        [
+            "p.toml: 1 duplicate pin ignored, first vertex 1 in group `a`",
+            "p.toml: 1 loads on pinned vertices have no effect"
+        ]
     );
 }
 
@@ -240,8 +243,9 @@ fn pressures_equalities_and_obstacles_are_read_and_written() {
                 [[obstacle]]\npoint = [0, -1, 0]\nnormal = [0, 2, 0]\n";
     let h = handles(text);
     assert_eq!(h.pressures, [(vec![1, 3, 5], 2.5)]);
-    assert_eq!(h.equalities[0], (vec![(1, 1.5), (2, -2.0)], [0.0, 1.0, 0.0]));
-    assert_eq!(h.equalities[1], (vec![(0, 1.0), (4, 1.0)], [0.0; 3]));
+    let row = |nodes: &[(u32, f64)], value| proxel_split::Equality { nodes: nodes.to_vec(), value };
+    assert_eq!(h.equalities[0], row(&[(1, 1.5), (2, -2.0)], [0.0, 1.0, 0.0]));
+    assert_eq!(h.equalities[1], row(&[(0, 1.0), (4, 1.0)], [0.0; 3]));
     assert_eq!((h.obstacles.len(), h.obstacles[0].normal), (1, [0.0, 2.0, 0.0]));
     let file = toml(text).unwrap();
     for name in ["q.toml", "q.json"] {

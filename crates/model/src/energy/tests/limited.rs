@@ -68,7 +68,10 @@ fn the_prox_is_the_global_minimum_in_narrow_limits() {
                 let force = prox_by_force(&value, &v, k, LOW, HIGH, [0, 100, 24, 10][K]);
                 let s = limited.prox(v, k, [1.0; K]).s;
                 let found = objective(energy, s, v, k);
-                assert!(found <= force.value + 1e-9 * force.value.abs() + 1e-13 * k, "{name} {v:?} {k}: {s:?} {force:?}");
+                assert!(
+                    found <= force.value + 1e-9 * force.value.abs() + 1e-13 * k,
+                    "{name} {v:?} {k}: {s:?} {force:?}"
+                );
                 for s in s {
                     low += usize::from(s == LOW);
                     high += usize::from(s == HIGH);
@@ -92,7 +95,8 @@ fn outside_the_value_is_infinite_and_bad_limits_are_refused() {
     assert!((Energy::<2>::smooth_value(&psi, [1.1, 1.0]) - 0.02).abs() < 1e-15);
     assert_eq!(Energy::<2>::limits(&psi), Some((LOW, HIGH)));
     assert!(!psi.prox([f64::NAN, 1.0], 1.0, [1.0; 2]).converged);
-    for (low, high) in [(0.0, 1.0), (1.01, 1.1), (0.9, 0.99), (1.0, 1.0), (f64::NAN, 2.0), (0.9, f64::NAN), (-1.0, 2.0)] {
+    for (low, high) in [(0.0, 1.0), (1.01, 1.1), (0.9, 0.99), (1.0, 1.0), (f64::NAN, 2.0), (0.9, f64::NAN), (-1.0, 2.0)]
+    {
         let told = Limited::new(Arap::default(), low, high).unwrap_err().to_string();
         assert!(told.contains("LO") && told.contains("0.95,1.05"), "{told}");
     }
