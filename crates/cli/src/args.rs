@@ -139,7 +139,8 @@ pub struct SolveArgs {
     #[arg(long, value_name = "N", default_value_t = DeformSettings::default().max_iters)]
     pub max_iters: usize,
     /// Converged when the gradient is below T times that of the start or the problem's
-    /// characteristic one, whichever is less.
+    /// characteristic one, whichever is less; with strain limits or obstacles, when primal and dual
+    /// residual are below T.
     #[arg(long, value_name = "T", default_value = format!("{:e}", DeformSettings::default().tol), allow_negative_numbers = true)]
     pub tol: f64,
     /// Print nothing but errors.
