@@ -173,7 +173,7 @@ pub struct Outcome {
 /// Hard sets hold where they are violated by no more than this, in units of each set: strains for limits of stretches.
 pub const VIOLATION: f64 = 1e-6;
 
-/// The best point so far: within hard sets before outside them, then of fewer inverted elements, then of lower energy.
+/// The best point so far: of fewer inverted elements, then of lower energy.
 struct Best {
     x: Vec<f64>,
     energy: EnergyReport,
@@ -182,11 +182,11 @@ struct Best {
 
 impl Best {
     /// Fewer inverted elements, or as many and no more energy; a NaN energy is never better. Where hard sets do not hold,
-    /// what comes closer to them is better.
+    /// energies cannot be compared: the later point is better unless it has more inverted elements.
     fn is_beaten_by(&self, e: &EnergyReport) -> bool {
         let hold = e.violation <= VIOLATION && self.energy.violation <= VIOLATION;
         if !hold {
-            return e.value.is_finite() && e.violation <= self.energy.violation;
+            return e.value.is_finite() && e.inverted <= self.energy.inverted;
         }
         e.value.is_finite()
             && (e.inverted < self.energy.inverted
