@@ -16,17 +16,17 @@ fn octahedron() -> (Vec<f64>, Vec<[u32; 3]>) {
 fn pressure_is_minus_p_times_volume_and_has_its_gradient() {
     let (x, triangles) = octahedron();
     assert!(Pressure::border(&triangles).is_empty());
-    let at = |apex| Pressure::new(triangles.clone(), 3.0, apex);
-    let value = at([0.0; 3]).value_and_gradient(&x, None);
+    let value = Pressure::new(triangles.clone(), 3.0, &x).value_and_gradient(&x, None);
     assert!((value + 3.0 * 4.0 / 3.0).abs() < 1e-14, "an octahedron of volume 4/3: {value}");
-    let far = at([5.0, -7.0, 2.0]).value_and_gradient(&x, None);
-    assert!((far - value).abs() < 1e-12, "closed: the apex does not matter");
+    let far: Vec<f64> = x.iter().map(|x| x + 5.0).collect();
+    let moved = Pressure::new(triangles.clone(), 3.0, &x).value_and_gradient(&far, None);
+    assert!((moved - value).abs() < 1e-12, "closed: where it is does not matter");
     let mut random = SplitMix::new(3);
     let bent: Vec<f64> = x.iter().map(|x| x + random.uniform(-0.2, 0.2)).collect();
     for open in [false, true] {
         let patch = if open { triangles[..5].to_vec() } else { triangles.clone() };
         assert_eq!(Pressure::border(&patch).is_empty(), !open);
-        let pressure = Pressure::new(patch, -1.7, [0.1, 0.2, 0.3]);
+        let pressure = Pressure::new(patch, -1.7, &x);
         let mut g = vec![0.0; 18];
         pressure.value_and_gradient(&bent, Some(&mut g));
         check_gradient(|x| pressure.value_and_gradient(x, None), &g, &bent, 1e-3, 1e-8).unwrap();
@@ -37,15 +37,18 @@ fn pressure_is_minus_p_times_volume_and_has_its_gradient() {
             }
         }
     }
-    // A node inside the patch feels p A n / 3 of its faces, wherever the apex is.
+    // A node inside the patch feels p A n / 3 of its faces, whatever the plane.
     let fan = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4]];
-    let force = |apex| {
+    let force = |plane: &[f64]| {
         let mut g = vec![0.0; 18];
-        Pressure::new(fan.to_vec(), 2.0, apex).value_and_gradient(&x, Some(&mut g));
-        g[12..15].iter().map(|g| -g).collect::<Vec<_>>()
+        Pressure::new(fan.to_vec(), 2.0, plane).value_and_gradient(&x, Some(&mut g));
+        g.iter().map(|g| -g).collect::<Vec<_>>()
     };
-    let (near, far) = (force([0.0; 3]), force([3.0, 1.0, -4.0]));
-    assert!((0..3).all(|d| (near[d] - far[d]).abs() < 1e-12), "{near:?} {far:?}");
+    let (near, far) = (force(&x), force(&bent));
+    assert!((12..15).all(|d| (near[d] - far[d]).abs() < 1e-12), "{near:?} {far:?}");
+    // All of it: the pressure on the square of area 2 that the patch is seen as.
+    assert!((near.iter().skip(2).step_by(3).sum::<f64>() - 2.0 * 2.0).abs() < 1e-12, "{near:?}");
+    let near = &near[12..15];
     // Four faces of area sqrt(3)/2 with a vertical part of the normal of 1/sqrt(3).
     assert!((near[2] - 2.0 * 4.0 * 0.5 / 3.0).abs() < 1e-12 && near[0].abs() < 1e-14, "{near:?}");
 }

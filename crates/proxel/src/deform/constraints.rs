@@ -107,19 +107,12 @@ impl Around<'_> {
         }
         let faces: Vec<[u32; 3]> = faces.iter().map(|f| f.map(|v| self.number[v as usize])).collect();
         let border = Pressure::border(&faces);
-        // The apex of the cone that closes an open patch: the middle of its border at rest, or at the start.
-        let mut apex = [0.0; 3];
-        for [a, _] in &border {
-            for d in 0..3 {
-                apex[d] += problem.x0[*a as usize * 3 + d] / border.len() as f64;
-            }
-        }
         let free = border.iter().filter(|[a, _]| (*a as usize) < problem.n_free).count();
-        problem.quadratic.potentials.push(Arc::new(Pressure::new(faces, p, apex)));
+        problem.quadratic.potentials.push(Arc::new(Pressure::new(faces, p, &problem.x0)));
         Ok((free > 0).then(|| {
             format!(
-                "{}: the patch under pressure is open and {free} vertices of its border are free; they feel the pressure on the \
-                 cone from the border to its middle besides, since pressure on an open patch has no energy",
+                "{}: the patch under pressure is open and {free} vertices of its border are free; they feel the walls \
+                 of the prism below the patch besides, since pressure on an open patch has no energy",
                 self.name
             )
         }))
