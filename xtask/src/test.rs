@@ -48,9 +48,16 @@ fn data() -> Result<Option<PathBuf>, Failure> {
     }
 }
 
-/// The demo leaves its files, and the picture is one.
+/// What `proxel demo` can pose.
+const SAMPLES: [&str; 5] = ["octopus", "cloth", "planar", "springs", "mixed"];
+
+/// The demo leaves the files of every sample, and the picture is one.
 fn run_demo(dir: &Path) -> Result<(), Failure> {
-    let files = ["octopus.vtu", "octopus.obj", "octopus.png"].map(|name| dir.join(name));
+    SAMPLES.iter().try_for_each(|sample| run_sample(dir, sample))
+}
+
+fn run_sample(dir: &Path, sample: &str) -> Result<(), Failure> {
+    let files = ["vtu", "obj", "png"].map(|ending| dir.join(format!("{sample}.{ending}")));
     for file in &files {
         match std::fs::remove_file(file) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
@@ -59,7 +66,7 @@ fn run_demo(dir: &Path) -> Result<(), Failure> {
             _ => {}
         }
     }
-    proxel(["demo", "--out"]).args([dir]).run()?;
+    proxel(["demo", sample, "--out"]).args([dir]).run()?;
     for file in &files {
         let length = std::fs::metadata(file).map_or(0, |m| m.len());
         if length == 0 {

@@ -92,3 +92,20 @@ fn hopeless_starts_of_a_generated_beam_are_solved() {
     let text = read(&out, "hopeless.md");
     assert!(text.contains("4 of 4 runs"), "{text}");
 }
+
+#[test]
+fn figure8_compares_two_methods_on_cloth_with_limits() {
+    let out = folder("figure8");
+    let options = Options { out: out.clone(), quick: true, ..Options::default() };
+    run("wrapd-figure8", &options, &mut |_| ()).expect("figure 8");
+    let csv = read(&out, "wrapd-figure8.csv");
+    let wrapd = iterations(&csv, "cloth", "wrapd", "1e-3").expect("reached");
+    assert!(wrapd <= 300, "{wrapd}");
+    let text = read(&out, "wrapd-figure8.md");
+    assert!(text.contains("[0.95") && text.contains("1.05"), "{text}");
+    for picture in ["wrapd-figure8-wrapd.png", "wrapd-figure8-admm-pd.png"] {
+        let bytes = std::fs::read(out.join(picture)).expect("a picture");
+        assert!(text.contains(picture) && bytes.starts_with(b"\x89PNG"), "{picture}");
+    }
+    assert!(read(&out, "wrapd-figure8.svg").contains("position error"));
+}

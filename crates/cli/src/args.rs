@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
+use proxel::samples::NAMES;
 use proxel::settings::DeformSettings;
 
 use crate::deform::DeformArgs;
@@ -32,7 +34,7 @@ Mesh formats, by extension: TetGen .node/.ele, Medit .mesh, Gmsh .msh, .vtk, .vt
 pub enum Command {
     /// Find the pose of least elastic energy under pins and loads.
     Deform(Box<DeformArgs>),
-    /// Pose a built-in octopus and write it with a picture.
+    /// Pose a built-in octopus or another sample, and write it with a picture.
     Demo(DemoArgs),
     /// Say what a mesh is and what is wrong with it.
     Info(InfoArgs),
@@ -89,7 +91,11 @@ pub struct ConvertArgs {
 /// The arguments of `proxel demo`.
 #[derive(Args)]
 pub struct DemoArgs {
-    /// The folder for octopus.vtu, octopus.obj and octopus.png; made if it is not there.
+    /// What is posed: octopus; cloth: bending and hard strain limits; planar: a strip in two dimensions; springs: a net;
+    /// mixed: tetrahedra, triangles and edges in one mesh.
+    #[arg(value_name = "SAMPLE", value_parser = demo_names(), default_value = OCTOPUS)]
+    pub sample: String,
+    /// The folder for SAMPLE.vtu, SAMPLE.obj and SAMPLE.png; made if it is not there.
     #[arg(long, short, value_name = "DIR", default_value = "proxel-demo")]
     pub out: PathBuf,
     /// Threads; all processors if not given.
@@ -98,6 +104,13 @@ pub struct DemoArgs {
     /// Print nothing but errors.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// The sample that is a body.
+pub const OCTOPUS: &str = "octopus";
+
+fn demo_names() -> PossibleValuesParser {
+    PossibleValuesParser::new([OCTOPUS].into_iter().chain(NAMES))
 }
 
 /// The options that every solving command has.
@@ -126,7 +139,8 @@ pub struct SolveArgs {
     #[arg(long, value_name = "N", default_value_t = DeformSettings::default().max_iters)]
     pub max_iters: usize,
     /// Converged when the gradient is below T times that of the start or the problem's
-    /// characteristic one, whichever is less.
+    /// characteristic one, whichever is less; with strain limits or obstacles, when primal and dual
+    /// residual are below T.
     #[arg(long, value_name = "T", default_value = format!("{:e}", DeformSettings::default().tol), allow_negative_numbers = true)]
     pub tol: f64,
     /// Print nothing but errors.
@@ -181,6 +195,20 @@ pub fn vector(text: &str) -> Result<[f64; 3], String> {
     Ok([number(x)?, number(y)?, number(z)?])
 }
 
+/// Six numbers parted by commas.
+pub fn six(text: &str) -> Result<[f64; 6], String> {
+    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is no number"));
+    let numbers = text.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
+    numbers.try_into().map_err(|_| "give a point and a normal, such as 0,-1,0,0,1,0".to_owned())
+}
+
+/// Two numbers parted by a comma; the second may be `inf`.
+pub fn pair(text: &str) -> Result<[f64; 2], String> {
+    let (low, high) = text.split_once(',').ok_or("give two numbers parted by a comma, such as 0.95,1.05")?;
+    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is no number"));
+    Ok([number(low)?, number(high)?])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -206,5 +234,7 @@ mod tests {
     fn vectors() {
         assert_eq!(vector("0,-9.81, 1e3"), Ok([0.0, -9.81, 1e3]));
         assert!(vector("1,2").is_err() && vector("1,2,x").is_err());
+        assert_eq!(pair("0.95, inf"), Ok([0.95, f64::INFINITY]));
+        assert!(pair("1").is_err() && pair("1,2,3").is_err());
     }
 }

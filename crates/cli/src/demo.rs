@@ -1,8 +1,9 @@
-//! `proxel demo`: an octopus without files.
+//! `proxel demo`: an octopus and other samples, without files.
 
 use std::time::Instant;
 
 use proxel::deform::DeformInput;
+use proxel::samples::{Sample, sample};
 use proxel::settings::DeformSettings;
 use proxel_mesh::generate::{Arm, Octopus, OctopusSettings, octopus};
 
@@ -13,27 +14,33 @@ use crate::refusal::Refusal;
 
 /// Makes, poses, writes.
 pub fn run(args: &DemoArgs) -> Result<u8, Refusal> {
-    let settings = DeformSettings { threads: args.threads, ..DeformSettings::default() };
+    let began = Instant::now();
+    let Sample { about, input, settings } = match sample(&args.sample) {
+        Some(sample) => sample?,
+        None => Sample {
+            about: "an octopus; its arms start in waves",
+            input: pose(octopus(&OctopusSettings::default())?),
+            settings: DeformSettings::default(),
+        },
+    };
+    let settings = DeformSettings { threads: args.threads, ..settings };
     settings.check().map_err(Refusal::new)?;
     std::fs::create_dir_all(&args.out).map_err(|e| {
         Refusal::new(format!("{}: the folder cannot be made: {e}; give another --out", args.out.display()))
     })?;
-    let file = |name: &str| args.out.join(name);
-    let files = Files {
-        meshes: vec![file("octopus.vtu"), file("octopus.obj")],
-        preview: Some(file("octopus.png")),
-        ..Files::default()
-    };
+    let file = |ending: &str| args.out.join(format!("{}.{ending}", args.sample));
+    let files = Files { meshes: vec![file("vtu"), file("obj")], preview: Some(file("png")), ..Files::default() };
     files.check()?;
     let interrupt = Interrupt::listen()?;
-    let began = Instant::now();
-    let octopus = octopus(&OctopusSettings::default())?;
-    let input = pose(octopus);
     if !args.quiet {
+        let rest = &input.rest;
+        let counts = [(rest.tets.len(), "tetrahedra"), (rest.faces.len(), "triangles"), (rest.edges.len(), "edges")];
+        let elements: Vec<String> =
+            counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
         println!(
-            "an octopus of {} vertices and {} tetrahedra, {} vertices pinned; its arms start in waves",
-            input.rest.n_verts(),
-            input.rest.tets.len(),
+            "{about} ({} vertices, {}, {} vertices pinned)",
+            rest.n_verts(),
+            elements.join(", "),
             input.fixed.len()
         );
     }

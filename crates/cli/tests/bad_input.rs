@@ -171,3 +171,59 @@ fn outputs_that_cannot_be_written() {
     let parent_is_file = "deform rest.node --init init.node --pins pins.txt --out rest.node/x.vtu";
     refuses("file-as-folder", |_| (), parent_is_file, &["rest.node/x.vtu", "no folder"]);
 }
+
+#[test]
+fn handles_that_overlap_contradict_or_leave_a_component_free() {
+    let solve = SOLVE.replace("pins.txt", "p.toml");
+    let with = |text: &'static str| move |f: &Folder| f.put("p.toml", text);
+    let two = "[groups.a]\nindices = [0, 1, 2]\n[groups.b]\nindices = [2, 3]\n";
+    refuses("overlap", with(two), &solve, &["p.toml", "`a` and `b` overlap", "vertex 2", "take the vertex out"]);
+    let apart = "[groups.a]\nindices = [0, 1, 2]\n[groups.b]\nindices = [2, 3]\ntranslate = [1, 0, 0]\n";
+    refuses("contradict", with(apart), &solve, &["p.toml", "`a` and `b`", "vertex 2", "different places"]);
+    let soft = "[groups.a]\nindices = [0, 1]\n[groups.b]\nindices = [1]\nstiffness = 5\n";
+    refuses("soft-overlap", with(soft), &solve, &["p.toml", "`a` and `b` overlap", "vertex 1"]);
+    let none = "[groups.a]\nsphere = { center = [9, 9, 9], radius = 1 }\n";
+    refuses("nothing", with(none), &solve, &["p.toml", "`a` chooses none of the 12 vertices", "correct its"]);
+    // Two tetrahedra apart, one of them held, both heavy.
+    let apart = |f: &Folder| {
+        f.put("rest.node", "8 3 0 0\n0 0 0 0\n1 1 0 0\n2 0 1 0\n3 0 0 1\n4 9 0 0\n5 10 0 0\n6 9 1 0\n7 9 0 1\n");
+        f.put("rest.ele", "2 4 0\n0 0 1 2 3\n1 4 5 6 7\n");
+        f.put("p.toml", "[groups.wall]\nindices = [0, 1, 2]\n");
+    };
+    let heavy = "deform rest.node --pins p.toml --density 1 --gravity 0,-1,0 --out out.vtu";
+    refuses("free", apart, heavy, &["rest", "component of vertex 4", "nothing holds it", "--pins"]);
+}
+
+#[test]
+fn constraints_and_sheets() {
+    let solve = SOLVE.replace("pins.txt", "p.toml");
+    let with = |text: &'static str| move |f: &Folder| f.put("p.toml", text);
+    let twice = "[[equality]]\nvertices = [8, 9]\n[[equality]]\nvertices = [9, 8]\n";
+    refuses("redundant", with(twice), &solve, &["rest", "equality 1 (0-based)", "follows", "remove it"]);
+    let against = "[[equality]]\nvertices = [8, 9]\n[[equality]]\nvertices = [9, 8]\nvalue = [1, 0, 0]\n";
+    refuses(
+        "contradictory",
+        with(against),
+        &solve,
+        &["rest", "equality 1 (0-based)", "contradicts", "correct or remove"],
+    );
+    let range = "[[equality]]\nvertices = [8, 12]\n";
+    refuses("row-range", with(range), &solve, &["p.toml", "equality 0", "12 is out of range", "0 to 11"]);
+    let flat = "[[obstacle]]\npoint = [0, 0, 0]\nnormal = [0, 0, 0]\n";
+    refuses("obstacle", with(flat), &solve, &["p.toml", "obstacle 0", "direction"]);
+    let with = |extra: &str| format!("{SOLVE} {extra}");
+    refuses("limits", |_| (), &with("--strain-limit 1.1,1.2"), &["--strain-limit", "1.1,1.2", "0.95,1.05"]);
+    refuses("limits-text", |_| (), &with("--strain-limit 0.9"), &["--strain-limit", "two numbers"]);
+    refuses("bending", |_| (), &with("--bending 1"), &["rest", "no elastic triangles", "--mixed"]);
+    refuses("bending-negative", |_| (), &with("--bending -1"), &["--bending", "negative"]);
+    refuses("planar", |_| (), &with("--planar"), &["rest", "tetrahedra", "--planar"]);
+    refuses("obstacle-text", |_| (), &with("--obstacle 1,2,3"), &["--obstacle", "a point and a normal"]);
+    refuses(
+        "obstacle-pin",
+        |_| (),
+        &with("--obstacle 9,0,0,1,0,0"),
+        &["rest", "vertex 0", "behind obstacle 0", "move the pin"],
+    );
+    refuses("pressure", |_| (), &with("--pressure nan"), &["rest", "pressure NaN"]);
+    refuses("demo", |_| (), "demo squid", &["'squid'", "octopus", "cloth"]);
+}

@@ -42,7 +42,7 @@ fn the_report_has_every_key() {
     let r = report(&folder);
     let keys = "version command settings method status reason iterations inner_iterations refactorisations energy \
                 gradient_norm gradient_ratio inverted min_stretch max_stretch position_error primal_residual \
-                dual_residual accepted rejected warnings repaired seconds peak_bytes factor_bytes threads";
+                dual_residual accepted rejected warnings repaired seconds peak_bytes factor_bytes threads reactions";
     for key in keys.split_whitespace() {
         assert!(r.get(key).is_some(), "{key} is missing");
     }
@@ -206,4 +206,36 @@ fn a_killed_process_leaves_no_half_file() {
     signal(&child, "-KILL");
     assert_eq!(child.wait().unwrap().code(), None);
     assert_eq!(folder.names(), before);
+}
+
+#[test]
+fn a_sheet_with_limits_hangs_within_them_and_reports_what_its_corners_carry() {
+    let folder = Folder::new("sheet");
+    // 6 x 6 squares of 0.1, in the plane z = 0.
+    let mut obj = String::new();
+    for v in 0..49 {
+        obj += &format!("v {} {} 0\n", 0.1 * f64::from(v % 7), 0.1 * f64::from(v / 7));
+    }
+    for c in 0..36 {
+        let a = c % 6 + 7 * (c / 6) + 1;
+        obj += &format!("f {a} {} {}\nf {a} {} {}\n", a + 1, a + 8, a + 8, a + 7);
+    }
+    folder.write("cloth.obj", &obj);
+    folder.write(
+        "p.toml",
+        "[groups.left]\nindices = [0, 42]\n[groups.right]\nindices = [6, 48]\ntranslate = [-0.05, 0, 0]\n",
+    );
+    let words = "deform cloth.obj --pins p.toml --material arap --young 100 --poisson 0 --bending 1e-4 \
+                 --strain-limit 0.95,1.05 --density 0.2 --gravity 0,0,-9.81 --out out.vtu --report r.json";
+    for method in ["wrapd", "r-admm"] {
+        folder.run(&format!("{words} --method {method}")).is(0);
+        let r = report(&folder);
+        let stretch = |key: &str| r[key].as_f64().unwrap();
+        assert!(stretch("min_stretch") >= 0.95 - 1e-6 && stretch("max_stretch") <= 1.05 + 1e-6, "{r}");
+        assert!(r["gradient_norm"].is_null() && r["primal_residual"].as_f64().unwrap() <= 1e-9, "{r}");
+        let down = |group: &str| r["reactions"][group][2].as_f64().unwrap();
+        let weight = 0.36 * 0.2 * 9.81;
+        assert!((down("left") + down("right") + weight).abs() < 1e-6 * weight, "{r}");
+        assert!((down("left") - down("right")).abs() < 0.1 * weight, "{r}");
+    }
 }

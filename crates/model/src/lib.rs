@@ -1,7 +1,10 @@
 //! What Proxel minimises: energies (one file each) and the batches of elements that carry them.
 
+pub mod bending;
 pub mod elements;
 pub mod energy;
+pub mod obstacle;
+pub mod pressure;
 
 /// The guide to contributing, whose new energy is compiled and run as a test.
 #[cfg(doctest)]

@@ -7,6 +7,7 @@ pub mod deform;
 pub mod pins;
 pub mod preview;
 pub mod report;
+pub mod samples;
 pub mod settings;
 
 pub use proxel_linalg as linalg;

@@ -1,6 +1,7 @@
 //! The report: what a run did, for programs. Keys are the same for every command; null where one does not apply.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Wall time of the parts of a run, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -70,6 +71,10 @@ pub struct Report {
     pub factor_bytes: Option<u64>,
     /// Threads used.
     pub threads: usize,
+    /// The sum of the reaction forces of each group of pins and of each obstacle (`obstacle 0`, ..): what the body exerts on
+    /// it.
+    #[serde(default)]
+    pub reactions: BTreeMap<String, [f64; 3]>,
 }
 
 /// One row of the trace: the state after `iteration` iterations.

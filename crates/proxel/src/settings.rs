@@ -4,7 +4,7 @@ mod rivals;
 
 pub use rivals::{AndersonWindows, QuasiNewton};
 
-use proxel_model::energy::{Lame, MaterialError};
+use proxel_model::energy::{Lame, Limited, MaterialError};
 use proxel_split::{
     AutoSettings, Hardening, InnerStop, LbfgsSettings, LinearSolver, Precision, Projection, ProjectionRule, Range,
     Reweighting,
@@ -88,6 +88,12 @@ impl MethodName {
     pub fn is_splitting(self) -> bool {
         use MethodName::{Bcqn, Lbfgs, Newton, NewtonCg, ProjectedNewton};
         !matches!(self, Lbfgs | Bcqn | Newton | NewtonCg | ProjectedNewton)
+    }
+
+    /// Whether hard sets are split off, so that they can hold: the ADMM family. Other methods need derivatives.
+    pub fn takes_hard_sets(self) -> bool {
+        use MethodName::{AdmmPd, Auto, RAdmm, WAdmm, Wrapd};
+        matches!(self, AdmmPd | RAdmm | WAdmm | Wrapd | Auto)
     }
 
     /// Whether weights follow the stiffness.
@@ -381,11 +387,14 @@ pub struct Material {
     pub mu: Option<f64>,
     /// First Lame parameter.
     pub lambda: Option<f64>,
+    /// Mass over measure, in the place of [`DeformSettings::density`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub density: Option<f64>,
 }
 
 impl Default for Material {
     fn default() -> Self {
-        Material { energy: "neo-hookean".to_string(), young: 1e7, poisson: 0.45, mu: None, lambda: None }
+        Material { energy: "neo-hookean".to_string(), young: 1e7, poisson: 0.45, mu: None, lambda: None, density: None }
     }
 }
 
@@ -426,13 +435,25 @@ pub struct DeformSettings {
     pub material: Material,
     /// Materials of regions.
     pub materials: BTreeMap<i32, Material>,
-    /// Mass over volume; with `gravity` it makes a load.
+    /// Mass over measure of the elements of the highest dimension: over volume for tetrahedra, over area for triangles, over
+    /// length for edges; with `gravity` it makes a load. Elements of lower dimension beside them weigh what their
+    /// material says.
     pub density: f64,
     /// Acceleration.
     pub gravity: [f64; 3],
-    /// Swap two vertices of tetrahedra of negative volume instead of refusing them.
+    /// Quadratic bending of triangles in space, K of [`proxel_model::bending::Bending`], in units of force times length: the
+    /// flexural rigidity E h^3 / (12 (1 - nu^2)) of a plate of thickness h. 0: none.
+    pub bending: f64,
+    /// Hard limits [LO, HI] of the principal stretches of triangles in space and of tetrahedra.
+    pub strain_limit: Option<[f64; 2]>,
+    /// Whether triangles and edges live in the plane z = const. instead of in space.
+    pub planar: bool,
+    /// Whether every tetrahedron, triangle and edge of the mesh is elastic; otherwise only those of the highest dimension.
+    pub mixed: bool,
+    /// Swap two vertices of elements of negative volume (in the plane: area) instead of refusing them.
     pub fix_orientation: bool,
-    /// Converged when |g| <= tol min(|g(X0)|, characteristic gradient).
+    /// Converged when |g| <= tol min(|g(X0)|, characteristic gradient); with hard limits, when primal and dual residual are
+    /// at most this.
     pub tol: f64,
     /// Converged, too, when |g| is at most this part of the characteristic gradient of Zhu et al. 2018.
     pub patch_tol: Option<f64>,
@@ -465,6 +486,10 @@ impl DeformSettings {
             materials: BTreeMap::new(),
             density: 0.0,
             gravity: [0.0; 3],
+            bending: 0.0,
+            strain_limit: None,
+            planar: false,
+            mixed: false,
             fix_orientation: false,
             tol: 1e-9,
             patch_tol: None,
@@ -472,6 +497,12 @@ impl DeformSettings {
             time_limit: None,
             threads: None,
         }
+    }
+
+    /// Whether anything has weight.
+    pub fn weighs(&self) -> bool {
+        let dense = |m: &Material| m.density.unwrap_or(0.0) > 0.0;
+        self.gravity != [0.0; 3] && (self.density > 0.0 || dense(&self.material) || self.materials.values().any(dense))
     }
 
     /// Checks numbers that would make no sense.
@@ -513,6 +544,15 @@ impl DeformSettings {
         }
         if let Some(g) = self.gravity.iter().find(|g| !g.is_finite()) {
             return Err(format!("gravity has a component {g}; it must be finite"));
+        }
+        if self.bending < 0.0 || !self.bending.is_finite() {
+            return Err(format!("bending is {} (--bending); it must not be negative", self.bending));
+        }
+        if let Some([low, high]) = self.strain_limit {
+            Limited::new((), low, high).map_err(|e| format!("{e} (--strain-limit)"))?;
+        }
+        if self.planar && self.bending > 0.0 {
+            return Err("what is planar does not bend; leave --bending or --planar out".to_string());
         }
         if let Some(t) = self.time_limit.filter(|t| *t < 0.0 || t.is_nan()) {
             return Err(format!("time_limit is {t}; it must be a number of seconds"));

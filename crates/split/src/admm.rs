@@ -10,7 +10,7 @@
 
 use crate::{
     EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Problem, Residual, Residuals,
-    Reweighting, StepReport, SystemError, reweight::Settling, vector,
+    Reweighting, StepReport, SystemError, reweight::Settling,
 };
 
 /// How an [`Admm`] is put together.
@@ -54,7 +54,8 @@ impl Admm {
     pub fn new(problem: Problem, settings: AdmmSettings) -> Result<Self, SystemError> {
         problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
         let normal = NormalMatrix::with_precision(&problem, settings.global.precision())?;
-        let x = problem.x0.clone();
+        let mut x = problem.x0.clone();
+        problem.quadratic.equalities.enforce(&mut x, problem.dim);
         Ok(Self::resume(problem, normal, x, settings, 0))
     }
 
@@ -185,8 +186,12 @@ impl Admm {
         &self.u
     }
 
-    /// Whether every term has second derivatives.
+    /// Whether the problem has second derivatives, and no equalities, so that Newton's method applies.
     pub fn has_curvature(&mut self) -> bool {
+        let quadratic = &self.problem.quadratic;
+        if !(quadratic.potentials.is_empty() && quadratic.equalities.is_empty()) {
+            return false;
+        }
         self.problem.terms.iter_mut().all(|term| term.curvature().is_some())
     }
 
@@ -222,7 +227,7 @@ impl Method for Admm {
         *self.evaluation.get_or_insert_with(|| {
             let energy = self.problem.energy(&self.x, Some(&mut self.grad));
             self.energy = Some(energy);
-            Evaluation { energy, gradient_norm: vector::norm(&self.grad) }
+            Evaluation { energy, gradient_norm: self.problem.gradient_norm(&mut self.grad) }
         })
     }
 
@@ -241,5 +246,17 @@ impl Method for Admm {
         }
         let relative = |part2: f64| (part2 / residual.size2.max(f64::MIN_POSITIVE)).sqrt();
         Residuals { primal: relative(residual.gap2), dual: relative(self.moved2) }
+    }
+
+    fn forces(&mut self) -> Option<Vec<f64>> {
+        let mut forces = vec![0.0; self.x.len()];
+        self.problem.penalty(&self.x, &self.p, &mut forces);
+        Some(forces)
+    }
+
+    fn forces_of_term(&mut self, term: usize) -> Option<Vec<f64>> {
+        let mut forces = vec![0.0; self.x.len()];
+        self.problem.terms.get_mut(term)?.penalty(&self.x, &self.p[term], &mut forces);
+        Some(forces)
     }
 }

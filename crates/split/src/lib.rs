@@ -20,6 +20,8 @@ mod anderson;
 mod auto;
 mod blend;
 mod curvature;
+mod equality;
+mod form;
 mod global;
 mod guard;
 mod lbfgs;
@@ -27,9 +29,11 @@ mod line_search;
 mod method;
 mod newton;
 mod pairs;
+mod potential;
 mod problem;
 mod progress;
 mod quasi_newton;
+mod residual_stop;
 mod reweight;
 mod run;
 mod system;
@@ -42,6 +46,8 @@ pub use anderson::Anderson;
 pub use auto::{Auto, AutoSettings, Gains, Price, solver_for};
 pub use blend::Blend;
 pub use curvature::{Curvature, Projection};
+pub use equality::{Equalities, Equality, EqualityError};
+pub use form::SymmetricForm;
 pub use global::{Direct, GlobalReport, GlobalStep, Objective};
 pub use guard::InversionGuard;
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
@@ -51,12 +57,15 @@ pub use newton::{
     Cg, CgEnd, CgReport, FactorCost, Found, Hessian, LinearSolver, Newton, NewtonSettings, ProjectionRule, Search,
 };
 pub use pairs::Pairs;
+pub use potential::Potential;
 pub use problem::{Problem, ProblemError, Quadratic};
 pub use progress::NoProgress;
 pub use quasi_newton::{QuasiNewton, QuasiNewtonSettings};
+pub use residual_stop::ResidualTolerance;
 pub use reweight::{Hardening, Range, Reweighting};
 pub use run::{
-    Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, PatchGradient, Status, Stop, Verdict, run,
+    Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, PatchGradient, Status, Stop, VIOLATION,
+    Verdict, run,
 };
 pub use system::{NormalMatrix, Precision, SystemError};
 pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};

@@ -77,4 +77,16 @@ pub trait Method: Send {
     fn residuals(&mut self) -> Residuals {
         Residuals { primal: f64::INFINITY, dual: f64::INFINITY }
     }
+
+    /// The gradient of f(x) + 1/2 sum w^2 |c(Dx) - p|^2 over all nodes, fixed ones included: where z has converged, that of
+    /// the objective with the forces w^2 u of hard sets. `None` where the method splits nothing.
+    fn forces(&mut self) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// The part of [`Method::forces`] that stems from one term.
+    fn forces_of_term(&mut self, term: usize) -> Option<Vec<f64>> {
+        let _ = term;
+        None
+    }
 }

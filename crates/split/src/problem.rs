@@ -1,14 +1,24 @@
 //! The problem: terms, a quadratic, a start.
 
-use crate::{EnergyReport, LocalReport, PenaltyReport, Term, vector};
+use crate::{EnergyReport, Equalities, LocalReport, PenaltyReport, Potential, SymmetricForm, Term, vector};
+use proxel_linalg::sparse::SymPattern;
+use std::sync::Arc;
 
-/// f(x) = sum_j k_j/2 |x_j - t_j|^2 - sum_i b_i . x_i + constant: soft springs to targets, and loads.
+/// f(x) = sum_j k_j/2 |x_j - t_j|^2 - sum_i b_i . x_i + 1/2 sum_c x_c^T K x_c + constant: soft springs to targets, loads,
+/// and a quadratic form in each coordinate c; beside it what else is not split: smooth potentials, and linear equalities,
+/// which hold exactly.
 #[derive(Clone, Debug, Default)]
 pub struct Quadratic {
     /// Soft springs: node, stiffness k_j, and the target t_j in the first `dim` entries.
     pub springs: Vec<(u32, f64, [f64; 3])>,
     /// Loads b, `n * dim` long, or empty.
     pub loads: Vec<f64>,
+    /// K over all nodes, such as the bending of thin sheets; or empty.
+    pub form: SymmetricForm,
+    /// Smooth functions, such as pressure.
+    pub potentials: Vec<Arc<dyn Potential>>,
+    /// Rows sum a_i x_i = b.
+    pub equalities: Equalities,
     /// A constant, so that values do not depend on where the origin was moved to.
     pub constant: f64,
 }
@@ -25,6 +35,11 @@ impl Quadratic {
                 let d = x[*node as usize * dim + c] - target[c];
                 value += 0.5 * k * d * d;
             }
+        }
+        let mut grad = grad;
+        value += self.form.value_and_gradient(x, dim, grad.as_deref_mut());
+        for potential in &self.potentials {
+            value += potential.value_and_gradient(x, grad.as_deref_mut());
         }
         if let Some(grad) = grad {
             if !self.loads.is_empty() {
@@ -127,6 +142,17 @@ impl Problem {
                 )));
             }
         }
+        if !self.quadratic.form.is_empty() && self.quadratic.form.n() != self.n() {
+            let (n, nodes) = (self.quadratic.form.n(), self.n());
+            return Err(ProblemError::Shape(format!("the quadratic form is one of {n} nodes, there are {nodes}")));
+        }
+        if let Some(potential) = self.quadratic.potentials.iter().find(|p| p.n() > self.n()) {
+            let (n, nodes) = (potential.n(), self.n());
+            return Err(ProblemError::Index(format!("a potential names node {}, there are {nodes}", n - 1)));
+        }
+        if !self.quadratic.form.is_finite() {
+            return Err(ProblemError::NotFinite("an entry of the quadratic form is not finite".to_string()));
+        }
         let n = self.n() as u32;
         for (t, term) in self.terms.iter().enumerate() {
             let mut bad = None;
@@ -140,6 +166,12 @@ impl Problem {
             }
         }
         Ok(())
+    }
+
+    /// Whether a term is infinite outside a set. At such a set's border the gradient of a solution does not vanish, so that
+    /// convergence is a matter of residuals: [`crate::ResidualTolerance`].
+    pub fn has_hard_sets(&self) -> bool {
+        self.terms.iter().any(|term| term.is_hard())
     }
 
     /// Number of nodes.
@@ -201,6 +233,24 @@ impl Problem {
             vector::add_scaled(&mut size, dimension as f64 * term.scale().hessian, &part);
         }
         vector::norm(&size)
+    }
+
+    /// Over the free nodes: sum w^2 |D_i|^2, what the terms add to the diagonal of the normal matrix.
+    pub fn node_stiffness(&self) -> Vec<f64> {
+        let mut stiffness = vec![0.0; self.n_free];
+        let none: [[u32; 0]; 0] = [];
+        if let Ok(diagonal) = SymPattern::from_cliques(self.n_free, &none) {
+            for term in &self.terms {
+                term.add_normal(&diagonal, &mut stiffness);
+            }
+        }
+        stiffness
+    }
+
+    /// The norm of a gradient over the free nodes along the equalities: what vanishes at a solution.
+    pub fn gradient_norm(&self, grad: &mut [f64]) -> f64 {
+        self.quadratic.equalities.project(grad, self.dim);
+        vector::norm(grad)
     }
 
     /// The problem's characteristic gradient: the norm of the forces that a stress of the size of the rest stiffness

@@ -198,7 +198,10 @@ pub struct Outcome {
     pub last: StepReport,
 }
 
-/// The best point so far.
+/// Hard sets hold where they are violated by no more than this, in units of each set: strains for limits of stretches.
+pub const VIOLATION: f64 = 1e-6;
+
+/// The best point so far: of fewer inverted elements, then of lower energy.
 struct Best {
     x: Vec<f64>,
     energy: EnergyReport,
@@ -206,8 +209,13 @@ struct Best {
 }
 
 impl Best {
-    /// Fewer inverted elements, or as many and no more energy; a NaN energy is never better.
+    /// Fewer inverted elements, or as many and no more energy; a NaN energy is never better. Where hard sets do not hold,
+    /// energies cannot be compared: the later point is better unless it has more inverted elements.
     fn is_beaten_by(&self, e: &EnergyReport) -> bool {
+        let hold = e.violation <= VIOLATION && self.energy.violation <= VIOLATION;
+        if !hold {
+            return e.value.is_finite() && e.inverted <= self.energy.inverted;
+        }
         e.value.is_finite()
             && (e.inverted < self.energy.inverted
                 || (e.inverted == self.energy.inverted

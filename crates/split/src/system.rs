@@ -1,6 +1,7 @@
 //! The matrix of the global step, W(5a): assembled, analysed once, factored when the weights change.
 
 use crate::Problem;
+use crate::equality::Within;
 use proxel_linalg::sparse::{Cholesky, Ordering, SolveScratch, SparseError, SymPattern, Symbolic};
 use std::sync::Arc;
 
@@ -21,7 +22,16 @@ enum Factor {
     Single(Cholesky<f32>),
 }
 
-/// A = sum w^2 D^T D + springs over the free nodes, and its factor. One matrix serves every coordinate.
+impl Factor {
+    fn solve(&self, b: &mut [f64], nrhs: usize, scratch: &mut SolveScratch) -> Result<(), SparseError> {
+        match self {
+            Factor::Double(factor) => factor.solve_in_place(b, nrhs, scratch),
+            Factor::Single(factor) => factor.solve_in_place(b, nrhs, scratch),
+        }
+    }
+}
+
+/// A = sum w^2 D^T D + springs + K over the free nodes, and its factor. One matrix serves every coordinate.
 pub struct NormalMatrix {
     dim: usize,
     pattern: SymPattern,
@@ -29,6 +39,7 @@ pub struct NormalMatrix {
     symbolic: Arc<Symbolic>,
     factor: Factor,
     scratch: SolveScratch,
+    within: Option<Within>, // where there are equalities
     refactorisations: usize,
 }
 
@@ -98,8 +109,13 @@ impl NormalMatrix {
             },
             symbolic,
             scratch: SolveScratch::default(),
+            within: None,
             refactorisations: 0,
         };
+        let equalities = &problem.quadratic.equalities;
+        if !equalities.is_empty() {
+            matrix.within = Some(Within::new(equalities, problem.n_free));
+        }
         matrix.fill_and_factor(problem)?;
         Ok(matrix)
     }
@@ -114,14 +130,24 @@ impl NormalMatrix {
                 self.values[slot] += k;
             }
         }
-        if let Factor::Single(factor) = &mut self.factor {
-            if factor.refactor(&self.values).is_ok() {
-                return Ok(());
+        problem.quadratic.form.add_to(&self.pattern, &mut self.values);
+        let in_single = match &mut self.factor {
+            Factor::Single(factor) => factor.refactor(&self.values).is_ok(),
+            Factor::Double(_) => false,
+        };
+        if !in_single {
+            if let Factor::Single(_) = self.factor {
+                self.factor = Factor::Double(Cholesky::new(self.symbolic.clone()));
             }
-            self.factor = Factor::Double(Cholesky::new(self.symbolic.clone()));
+            if let Factor::Double(factor) = &mut self.factor {
+                factor.refactor(&self.values)?;
+            }
         }
-        if let Factor::Double(factor) = &mut self.factor {
-            factor.refactor(&self.values)?;
+        if let Some(within) = &mut self.within {
+            let (factor, scratch) = (&self.factor, &mut self.scratch);
+            if !within.refresh(|b| factor.solve(b, 1, scratch))? {
+                return Err(SystemError::Factor("the equality constraints depend on each other".to_string()));
+            }
         }
         Ok(())
     }
@@ -135,14 +161,15 @@ impl NormalMatrix {
         self.fill_and_factor(problem)
     }
 
-    /// b <- A^-1 b, for all coordinates of the free nodes, as exactly as the factor's precision allows.
+    /// b <- A^-1 b, for all coordinates of the free nodes; where the problem has equalities, the minimiser of
+    /// 1/2 x^T A x - b . x over displacements x that keep them. As exact as the factor's precision allows.
     ///
     /// # Errors
     /// A vector of another length.
     pub fn solve(&mut self, b: &mut [f64]) -> Result<(), SystemError> {
-        match &self.factor {
-            Factor::Double(factor) => factor.solve_in_place(b, self.dim, &mut self.scratch)?,
-            Factor::Single(factor) => factor.solve_in_place(b, self.dim, &mut self.scratch)?,
+        self.factor.solve(b, self.dim, &mut self.scratch)?;
+        if let Some(within) = &mut self.within {
+            within.restrict(b, self.dim);
         }
         Ok(())
     }
@@ -188,7 +215,7 @@ impl NormalMatrix {
     }
 }
 
-/// Every pair of free nodes that share an element.
+/// Every pair of free nodes that share an element or have an entry of the quadratic form.
 fn pattern_of(problem: &Problem) -> Result<SymPattern, SystemError> {
     let free = problem.n_free as u32;
     let mut flat: Vec<u32> = Vec::new();
@@ -199,6 +226,12 @@ fn pattern_of(problem: &Problem) -> Result<SymPattern, SystemError> {
             ends.push(flat.len());
         });
     }
+    problem.quadratic.form.for_each_pair(&mut |i, j| {
+        if i < free {
+            flat.extend([i, j]);
+            ends.push(flat.len());
+        }
+    });
     let cliques: Vec<&[u32]> = ends.windows(2).map(|w| &flat[w[0]..w[1]]).collect();
     Ok(SymPattern::from_cliques(problem.n_free, &cliques)?)
 }

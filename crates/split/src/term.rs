@@ -41,7 +41,7 @@ impl std::ops::AddAssign for LocalReport {
     }
 }
 
-/// The energy of a batch at x, and how far its elements are deformed.
+/// The energy of a batch at x without what is infinite outside hard sets, and how far its elements are deformed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnergyReport {
     /// sum g(c(Dx)).
@@ -52,11 +52,20 @@ pub struct EnergyReport {
     pub min_stretch: f64,
     /// Largest stretch.
     pub max_stretch: f64,
+    /// How far an element is outside a hard set, at most: for limited stretches the part of the rest size beyond the
+    /// limit. 0 where nothing is, or where there are no such sets.
+    pub violation: f64,
 }
 
 impl Default for EnergyReport {
     fn default() -> Self {
-        EnergyReport { value: 0.0, inverted: 0, min_stretch: f64::INFINITY, max_stretch: f64::NEG_INFINITY }
+        EnergyReport {
+            value: 0.0,
+            inverted: 0,
+            min_stretch: f64::INFINITY,
+            max_stretch: f64::NEG_INFINITY,
+            violation: 0.0,
+        }
     }
 }
 
@@ -66,6 +75,8 @@ impl std::ops::AddAssign for EnergyReport {
         self.inverted += o.inverted;
         self.min_stretch = self.min_stretch.min(o.min_stretch);
         self.max_stretch = self.max_stretch.max(o.max_stretch);
+        // A NaN is a violation too.
+        self.violation = if o.violation <= self.violation { self.violation } else { o.violation };
     }
 }
 
@@ -134,6 +145,11 @@ pub struct Scale {
 pub trait Term: Send + Sync {
     /// Number of elements.
     fn n_elems(&self) -> usize;
+
+    /// Whether g is infinite outside a set that has to hold: such a term needs a method that splits it off.
+    fn is_hard(&self) -> bool {
+        false
+    }
 
     /// Length of this term's part of p and of u.
     fn local_len(&self) -> usize;

@@ -141,6 +141,11 @@ impl<'a> Context<'a> {
         Ok(())
     }
 
+    /// The name of a file of this reproduction.
+    pub fn file(&self, suffix: &str) -> String {
+        format!("{}-{suffix}", self.name)
+    }
+
     /// Writes NAME.md and NAME.csv.
     pub(super) fn finish(self) -> Result<(), BenchError> {
         let file = |ending: &str| self.options.out.join(format!("{}.{ending}", self.name));

@@ -7,6 +7,7 @@ mod comparison;
 mod context;
 mod figure2;
 mod figure4;
+mod figure8;
 pub mod hopeless;
 mod schedules;
 mod spring;
@@ -36,7 +37,7 @@ pub struct Reproduction {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 6] = [
+pub const ALL: [Reproduction; 7] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -57,6 +58,13 @@ pub const ALL: [Reproduction; 6] = [
         models: &["homer"],
         standalone: false,
         run: figure4::run,
+    },
+    Reproduction {
+        name: "wrapd-figure8",
+        about: "cloth with hard strain limits: position error against time, and pictures at equal time",
+        models: &[],
+        standalone: true,
+        run: figure8::run,
     },
     Reproduction {
         name: "wrapd-sweeps",

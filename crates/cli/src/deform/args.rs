@@ -8,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use proxel::model::energy::{MaterialError, names};
 use proxel::settings::{DeformSettings, Material, MethodName, ProjectionName, Schedule};
 
-use crate::args::{SolveArgs, vector};
+use crate::args::{SolveArgs, pair, six, vector};
 use crate::refusal::Refusal;
 
 /// The arguments of `proxel deform`.
@@ -24,12 +24,24 @@ where the start has them. Or groups, in a .toml or .json file:
   [groups.wind]
   indices = [7, 8]
   force = { total = [10, 0, 0] }                     # or each; stiffness = 1e4 makes soft springs
+  [groups.lung]
+  sphere = { center = [0, 1, 0], radius = 0.5 }
+  pressure = 50                                      # on faces with all corners in the group
+  [[equality]]                                       # sum of coefficients times positions = value
+  vertices = [3, 4]
+  coefficients = [1, -1]
+  value = [0, 0.1, 0]
+  [[obstacle]]                                       # as --obstacle
+  point = [0, -1, 0]
+  normal = [0, 1, 0]
 
 Examples:
   proxel deform rest.node --init init.node --pins handles.txt --out posed.vtu
   proxel deform body.mesh --pins hands.toml --material stable-neo-hookean --poisson 0.49 \\
       --out posed.ply --preview posed.png --report report.json
-  proxel deform beam.msh --pins wall.toml --density 1000 --gravity 0,-9.81,0 --out sag.vtu")]
+  proxel deform beam.msh --pins wall.toml --density 1000 --gravity 0,-9.81,0 --out sag.vtu
+  proxel deform cloth.obj --pins corners.txt --material arap --young 100 --strain-limit 0.95,1.05 --bending 1e-5 \
+      --density 0.2 --gravity 0,0,-9.81 --out draped.vtu")]
 pub struct DeformArgs {
     /// The body at rest: tetrahedra, or triangles, or edges.
     #[arg(value_name = "REST", required_unless_present = "show_settings")]
@@ -79,12 +91,34 @@ pub struct MaterialArgs {
     /// First Lame parameter, beside --mu.
     #[arg(long, value_name = "LAMBDA", allow_negative_numbers = true, requires = "mu")]
     pub lambda: Option<f64>,
-    /// Mass over volume; with --gravity the body has weight.
+    /// Mass over volume of tetrahedra, over area of triangles, over length of edges; with --gravity the body has weight.
     #[arg(long, value_name = "RHO", allow_negative_numbers = true, default_value_t = DeformSettings::default().density)]
     pub density: f64,
     /// Acceleration, such as 0,-9.81,0.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
     pub gravity: Option<[f64; 3]>,
+    /// Pressure on all faces, force over area along the outward normal: positive ones inflate. Of the boundary of
+    /// tetrahedra, or of triangles as they are oriented.
+    #[arg(long, value_name = "P", allow_negative_numbers = true)]
+    pub pressure: Option<f64>,
+    /// A plane that all vertices stay on one side of, without friction: a point of it, and a normal that points to that
+    /// side. May be given several times.
+    #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ", allow_hyphen_values = true, value_parser = six)]
+    pub obstacle: Vec<[f64; 6]>,
+    /// Quadratic bending of triangles, force times length: the flexural rigidity E h^3 / (12 (1 - nu^2)) of a sheet of
+    /// thickness h, whose --young is then E h, force over length.
+    #[arg(long, value_name = "K", allow_negative_numbers = true, default_value_t = DeformSettings::default().bending)]
+    pub bending: f64,
+    /// Hard limits of every stretch, such as 0.95,1.05; only methods of the ADMM family can hold them.
+    #[arg(long, value_name = "LO,HI", allow_hyphen_values = true, value_parser = pair)]
+    pub strain_limit: Option<[f64; 2]>,
+    /// Solve in the plane z = const., in two coordinates: triangles keep their orientation.
+    #[arg(long)]
+    pub planar: bool,
+    /// All tetrahedra, triangles and edges of REST are elastic, not only those of the highest dimension; what lower
+    /// ones weigh is the density of their region's material.
+    #[arg(long)]
+    pub mixed: bool,
 }
 
 /// How it is solved.
@@ -171,8 +205,14 @@ impl DeformArgs {
             _ => s.newton.projection,
         };
         let m = &self.material;
-        s.material =
-            Material { energy: m.material.clone(), young: m.young, poisson: m.poisson, mu: m.mu, lambda: m.lambda };
+        s.material = Material {
+            energy: m.material.clone(),
+            young: m.young,
+            poisson: m.poisson,
+            mu: m.mu,
+            lambda: m.lambda,
+            density: None,
+        };
         if let Err(e) = s.material.lame() {
             let option = match e {
                 MaterialError::Young(_) => "--young: ",
@@ -188,6 +228,10 @@ impl DeformArgs {
         }
         s.density = m.density;
         s.gravity = m.gravity.unwrap_or(s.gravity);
+        s.bending = m.bending;
+        s.strain_limit = m.strain_limit;
+        s.planar = m.planar;
+        s.mixed = m.mixed;
         s.fix_orientation = self.fix_orientation;
         s.tol = self.solve.tol;
         s.max_iters = self.solve.max_iters;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use proxel::deform::{DeformInput, Deformation, Hooks, Progress, deform, extras};
-use proxel::pins::{Handles, PinFile};
+use proxel::pins::{HalfSpace, Handles, PinFile};
 use proxel::report::TraceRow;
 use proxel::settings::DeformSettings;
 use proxel::split::Status;
@@ -99,7 +99,7 @@ impl Files {
             written.push(path.display().to_string());
         }
         if let Some(path) = &self.preview {
-            picture::of_deformation(input, result, &extras).write_png(path)?;
+            picture::of_deformation(input, settings.mixed, result, &extras).write_png(path)?;
             written.push(path.display().to_string());
         }
         Ok(written)
@@ -130,12 +130,29 @@ fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inp
     };
     let mut warnings = handles.warnings;
     check_regions(args, &mesh, settings, &mut warnings)?;
-    let weighs = settings.density > 0.0 && settings.gravity != [0.0; 3];
-    if start.is_none() && !handles.moved && handles.loads.is_empty() && !weighs {
+    let mut pressures = handles.pressures;
+    pressures.extend(args.material.pressure.map(|p| ((0..mesh.n_verts() as u32).collect(), p)));
+    let mut obstacles = handles.obstacles;
+    obstacles.extend(
+        args.material.obstacle.iter().map(|o| HalfSpace { point: [o[0], o[1], o[2]], normal: [o[3], o[4], o[5]] }),
+    );
+    let loaded = settings.weighs() || !handles.loads.is_empty() || !pressures.is_empty();
+    let constrained = !handles.equalities.is_empty() || !obstacles.is_empty();
+    if start.is_none() && !handles.moved && !loaded && !constrained {
         warnings.push("nothing moves the body; give --init, pins with targets, or loads".to_owned());
     }
-    let input =
-        DeformInput { rest: mesh, start, fixed: handles.fixed, soft: handles.soft, loads: handles.loads, reference };
+    let input = DeformInput {
+        rest: mesh,
+        start,
+        fixed: handles.fixed,
+        soft: handles.soft,
+        loads: handles.loads,
+        pressures,
+        equalities: handles.equalities,
+        obstacles,
+        groups: handles.groups,
+        reference,
+    };
     Ok(Inputs { input, warnings, read: began.elapsed().as_secs_f64() })
 }
 

@@ -90,6 +90,21 @@ impl BlockMatrix {
         }
     }
 
+    /// Adds `values[slot]` times the identity to each block.
+    ///
+    /// # Errors
+    /// A number of values that is not the number of blocks.
+    pub fn add_identities(&mut self, values: &[f64]) -> Result<(), SparseError> {
+        let (dim, size) = (self.dim, self.dim * self.dim);
+        check_length("values", values.len(), self.values.len() / size)?;
+        for (block, value) in self.values.chunks_exact_mut(size).zip(values) {
+            for r in 0..dim {
+                block[r * (dim + 1)] += value;
+            }
+        }
+        Ok(())
+    }
+
     /// y = A x.
     ///
     /// # Errors

@@ -4,7 +4,7 @@
 //! decompositions, forces) is compiled once for each shape, not once for each energy and shape.
 
 use super::stretch_hessian::{curvatures, stretch_hessian};
-use crate::energy::Energy;
+use crate::energy::{Energy, Limited};
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
 use proxel_split::Projection;
 
@@ -26,8 +26,25 @@ pub trait Density<const K: usize>: Send + Sync {
     /// same. Only the first `n_elems` elements are counted.
     fn prox(&self, v: &mut [f64], warm: &mut [f64], weight2: &[f64], measure: &[f64], n_elems: usize) -> ProxSums;
 
-    /// sum V psi(s).
+    /// sum V psi(s), hard limits left out: [`Energy::smooth_value`].
     fn value(&self, s: &[f64], measure: &[f64]) -> f64;
+
+    /// As [`Density::prox`], over stretches in [low, high]: that of [`Limited`].
+    fn prox_within(
+        &self,
+        limits: (f64, f64),
+        v: &mut [f64],
+        warm: &mut [f64],
+        weight2: &[f64],
+        measure: &[f64],
+        n_elems: usize,
+    ) -> ProxSums;
+
+    /// Hard limits that the density has of its own: [`Energy::limits`].
+    fn limits(&self) -> Option<(f64, f64)>;
+
+    /// Whether a solution has no element with a measure of zero or below: [`Energy::PROX_POSITIVE`].
+    fn is_positive(&self) -> bool;
 
     /// Replaces the stretches s by d psi / d s.
     fn gradient(&self, s: &mut [f64]);
@@ -44,6 +61,9 @@ pub trait Density<const K: usize>: Send + Sync {
 
     /// The Frobenius norm of the Hessian at rest.
     fn rest_hessian_norm(&self) -> f64;
+
+    /// [`Energy::slope_stiffness`]
+    fn slope_stiffness(&self) -> f64;
 }
 
 struct ProxKernel<'a, E, const K: usize> {
@@ -100,7 +120,7 @@ impl<E: Energy<K>, const K: usize> Kernel for ValueKernel<'_, E, K> {
             for i in 0..K {
                 s[i] = F8::load_at(self.s, b * K + i);
             }
-            value = self.energy.value(s).mul_add(F8::load_at(self.measure, b), value);
+            value = self.energy.smooth_value(s).mul_add(F8::load_at(self.measure, b), value);
         }
         value.sum()
     }
@@ -181,6 +201,32 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
         dispatch(ValueKernel::<E, K> { energy: self, s, measure })
     }
 
+    fn prox_within(
+        &self,
+        (low, high): (f64, f64),
+        v: &mut [f64],
+        warm: &mut [f64],
+        weight2: &[f64],
+        measure: &[f64],
+        n_elems: usize,
+    ) -> ProxSums {
+        match Limited::new(self.clone(), low, high) {
+            Ok(limited) => {
+                dispatch(ProxKernel::<Limited<E>, K> { energy: &limited, v, warm, weight2, measure, n_elems })
+            }
+            // Limits that leave no room leave no prox either: every element has missed.
+            Err(_) => ProxSums { missed: n_elems as u64, ..ProxSums::default() },
+        }
+    }
+
+    fn limits(&self) -> Option<(f64, f64)> {
+        Energy::limits(self)
+    }
+
+    fn is_positive(&self) -> bool {
+        E::PROX_POSITIVE
+    }
+
     fn gradient(&self, s: &mut [f64]) {
         dispatch(GradientKernel::<E, K> { energy: self, s });
     }
@@ -199,5 +245,9 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
 
     fn rest_hessian_norm(&self) -> f64 {
         self.hessian([1.0; K]).iter().flatten().map(|h: &f64| h * h).sum::<f64>().sqrt()
+    }
+
+    fn slope_stiffness(&self) -> f64 {
+        Energy::slope_stiffness(self)
     }
 }

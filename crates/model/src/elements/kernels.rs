@@ -381,6 +381,7 @@ impl<I: Isa, const D: usize, const K: usize> Stretches<I, D, K> {
             inverted: self.inverted,
             min_stretch: self.low.min_lane(),
             max_stretch: self.high.max_lane(),
+            violation: 0.0,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Batches of like elements: simplices with K + 1 corners in D dimensions, one energy, one coupling.
 
+mod batch;
 mod chunks;
 mod coupling;
 mod curvature;
@@ -17,6 +18,7 @@ mod stretch_hessian;
 #[cfg(test)]
 mod tests;
 
+pub use batch::{Batch, BatchError, BatchShape, BatchWeights, batch};
 pub use chunks::morton;
 pub use coupling::{Coupling, Linear, Polar};
 pub use density::{Density, ProxSums};
@@ -47,20 +49,21 @@ const HARDEST: f32 = 4.0;
 pub struct Elements<const D: usize, const K: usize, C> {
     chunks: Chunks,
     energy: Arc<dyn Density<K>>,
-    base: f64,             // squared base weight over measure
-    inverse: Vec<f64>,     // [block][K][K][lane]: inverse of the rest edges, empty for tetrahedra
-    rest: Vec<f64>,        // chunk-local rest positions, for tetrahedra
-    measure: Vec<f64>,     // [block][lane]
-    weight2: Vec<f64>,     // [block][lane]: w^2
-    proposed: Vec<f64>,    // [block][lane]: candidate w^2, filled when first asked for
-    warm: Vec<f64>,        // [block][K][lane]: stretches of z
-    near: Vec<f64>,        // chunk-local positions
-    partials: Vec<f64>,    // chunk-local sums of forces
-    pairs: Option<Pairs>,  // where second derivatives go, once asked for
-    far: Vec<f64>,         // chunk-local steps, likewise
-    singular_values: bool, // see `with_singular_values`
-    softening: f64,        // see `with_softening`
-    hardened: Vec<f32>,    // [block][lane]: what hardening made of it, empty until then
+    limits: Option<(f64, f64)>, // see `with_limits`
+    base: f64,                  // squared base weight over measure
+    inverse: Vec<f64>,          // [block][K][K][lane]: inverse of the rest edges, empty for tetrahedra
+    rest: Vec<f64>,             // chunk-local rest positions, for tetrahedra
+    measure: Vec<f64>,          // [block][lane]
+    weight2: Vec<f64>,          // [block][lane]: w^2
+    proposed: Vec<f64>,         // [block][lane]: candidate w^2, filled when first asked for
+    warm: Vec<f64>,             // [block][K][lane]: stretches of z
+    near: Vec<f64>,             // chunk-local positions
+    partials: Vec<f64>,         // chunk-local sums of forces
+    pairs: Option<Pairs>,       // where second derivatives go, once asked for
+    far: Vec<f64>,              // chunk-local steps, likewise
+    singular_values: bool,      // see `with_singular_values`
+    softening: f64,             // see `with_softening`
+    hardened: Vec<f32>,         // [block][lane]: what hardening made of it, empty until then
     coupling: PhantomData<C>,
 }
 
@@ -70,6 +73,11 @@ where
 {
     /// Elements `rest` with squared weights `base` times measure: W(21) for the largest eigenvalue of the rest Hessian.
     pub fn new(rest: &Rest<D, K>, energy: impl Density<K> + 'static, base: f64) -> Self {
+        Self::of_density(rest, Arc::new(energy), base)
+    }
+
+    /// The same for an energy whose type is not known.
+    pub fn of_density(rest: &Rest<D, K>, energy: Arc<dyn Density<K>>, base: f64) -> Self {
         let chunks = Chunks::new(rest.elements(), K + 1, rest.keys());
         let n_blocks = chunks.n_blocks();
         let computed = K == 3 && D == 3; // see `kernels::inverse_edges`
@@ -89,7 +97,8 @@ where
         let weight2 = measure.iter().map(|v| v * base).collect();
         let slots = chunks.n_slots() * D;
         Elements {
-            energy: Arc::new(energy),
+            energy,
+            limits: None,
             base,
             inverse,
             rest: if computed { chunks.positions(rest.positions(), D) } else { Vec::new() },
@@ -125,6 +134,13 @@ where
         self
     }
 
+    /// Limits every stretch to [low, high], a hard set: see [`crate::energy::Limited`].
+    #[must_use]
+    pub fn with_limits(mut self, limits: Option<(f64, f64)>) -> Self {
+        self.limits = limits;
+        self
+    }
+
     const SIZES: Sizes = Sizes { dim: D, stretches: K, local: C::LOCAL };
 }
 
@@ -157,6 +173,13 @@ impl<const D: usize, const K: usize, C> Elements<D, K, C> {
     fn all_chunks(&self) -> Range<usize> {
         0..self.chunks.n_blocks().div_ceil(BLOCKS)
     }
+
+    /// How far the stretches of a report are beyond the limits of the energy, at most; infinite where they are NaN.
+    fn violation(&self, report: &EnergyReport) -> f64 {
+        let Some((low, high)) = self.limits.or_else(|| self.energy.limits()) else { return 0.0 };
+        let (below, above) = (low - report.min_stretch, report.max_stretch - high);
+        if below.is_nan() || above.is_nan() { f64::INFINITY } else { below.max(above).max(0.0) }
+    }
 }
 
 impl<const D: usize, const K: usize, C: Coupling<D, K>> Term for Elements<D, K, C>
@@ -165,6 +188,10 @@ where
 {
     fn n_elems(&self) -> usize {
         self.chunks.n_elems()
+    }
+
+    fn is_hard(&self) -> bool {
+        self.limits.is_some() || self.energy.limits().is_some()
     }
 
     fn local_len(&self) -> usize {
@@ -192,6 +219,7 @@ where
 
     fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
         let range = self.all_chunks();
+        let limits = self.limits;
         let shared = shared!(self, x: x, p: &[], u: &[]);
         let piece = Piece { near: &mut self.near, partials: &mut self.partials, warm: &mut self.warm, p, u };
         let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
@@ -212,13 +240,14 @@ where
                 });
                 let first = chunk.global(group.start) * LANES;
                 let numbers = first..first + group.len() * LANES;
-                let sums = shared.energy.prox(
-                    &mut scratch.stretches[..group.len() * K * LANES],
-                    &mut piece.warm[of_group(&group, K)],
-                    &shared.weight2[numbers.clone()],
-                    &shared.measure[numbers],
-                    shared.chunks.n_elems() - first,
-                );
+                let stretches = &mut scratch.stretches[..group.len() * K * LANES];
+                let warm = &mut piece.warm[of_group(&group, K)];
+                let (weight2, measure) = (&shared.weight2[numbers.clone()], &shared.measure[numbers]);
+                let n_elems = shared.chunks.n_elems() - first;
+                let sums = match limits {
+                    None => shared.energy.prox(stretches, warm, weight2, measure, n_elems),
+                    Some(limits) => shared.energy.prox_within(limits, stretches, warm, weight2, measure, n_elems),
+                };
                 report.value_before += sums.value_before;
                 report.value_after += sums.value_after;
                 report.missed += sums.missed;
@@ -243,7 +272,7 @@ where
         let range = self.all_chunks();
         let shared = shared!(self, x: x, p: p, u: &[]);
         let piece = Piece { near: &mut self.near, partials: &mut self.partials, ..Default::default() };
-        let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+        let mut report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
             let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
             let partials = piece.partials;
             partials.fill(0.0);
@@ -266,6 +295,9 @@ where
             report
         });
         self.chunks.add_partials::<D>(&self.partials, grad);
+        if let Some(energy) = &mut report.energy {
+            energy.violation = self.violation(energy);
+        }
         report
     }
 
@@ -276,7 +308,7 @@ where
         if grad.is_some() {
             piece.partials = &mut self.partials;
         }
-        let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
+        let mut report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
             let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
             let frames = !piece.partials.is_empty();
             piece.partials.fill(0.0);
@@ -304,6 +336,7 @@ where
         if let Some(grad) = grad {
             self.chunks.add_partials::<D>(&self.partials, grad);
         }
+        report.violation = self.violation(&report);
         report
     }
 
@@ -431,7 +464,11 @@ where
         self.weight2.copy_from_slice(&self.proposed);
     }
 
+    /// None where stretches are limited: a hard set has no derivatives.
     fn curvature(&mut self) -> Option<&mut dyn Curvature> {
+        if self.limits.is_some() {
+            return None;
+        }
         Some(self)
     }
 }

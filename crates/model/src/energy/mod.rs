@@ -22,6 +22,7 @@
 //!
 //! To add an energy, write its file with `impl<const K: usize> Energy<K>`, declare it below, and add its line to the list.
 
+mod box_prox;
 mod dispatch;
 mod lame;
 mod newton;
@@ -32,6 +33,7 @@ mod symmetric;
 mod arap;
 mod corotated;
 mod fixed_corotated;
+mod limited;
 mod neo_hookean;
 mod spring;
 mod stable_neo_hookean;
@@ -43,6 +45,7 @@ pub use corotated::Corotated;
 pub use dispatch::{EnergyVisitor, UnknownEnergy, names, visit_1d, visit_2d, visit_3d};
 pub use fixed_corotated::FixedCorotated;
 pub use lame::{Lame, MaterialError};
+pub use limited::{LimitError, Limited};
 pub use neo_hookean::NeoHookean;
 pub use newton::newton_prox;
 pub use spring::Spring;
@@ -122,12 +125,25 @@ pub trait Energy<const K: usize>: Clone + Send + Sync + 'static {
     const BARRIER: bool = false;
     /// Whether [`Energy::prox`] admits only s >= 0, though psi may be finite elsewhere.
     const PROX_POSITIVE: bool = Self::BARRIER;
+    /// Whether psi is a sum of convex functions of one stretch each; a prox within a box is then the prox, clamped.
+    const SEPARABLE: bool = false;
 
     /// The energy of a material. What the moduli mean to an energy that does not stem from elasticity is told at each.
     fn from_lame(lame: &Lame) -> Self;
 
     /// psi(s); +inf outside the domain.
     fn value<T: Real>(&self, s: [T; K]) -> T;
+
+    /// psi(s) without the hard limits of [`Energy::limits`]: what gradient and Hessian belong to.
+    #[inline(always)]
+    fn smooth_value<T: Real>(&self, s: [T; K]) -> T {
+        self.value(s)
+    }
+
+    /// The interval that every stretch has to stay in, where psi is infinite outside one: see [`Limited`].
+    fn limits(&self) -> Option<(f64, f64)> {
+        None
+    }
 
     /// psi_i = d psi / d s_i.
     fn gradient<T: Real>(&self, s: [T; K]) -> [T; K];

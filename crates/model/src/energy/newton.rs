@@ -109,7 +109,7 @@ where
 
 /// psi(s) + k/2 |s - v|^2
 #[inline(always)]
-fn objective<E, T, const K: usize>(energy: &E, s: &[T; K], v: &[T; K], k: T) -> T
+pub(super) fn objective<E, T, const K: usize>(energy: &E, s: &[T; K], v: &[T; K], k: T) -> T
 where
     E: Energy<K>,
     T: Real,
@@ -177,7 +177,7 @@ fn pin_to_bound<T: Real, const K: usize>(s: &[T; K], g: &mut [T; K], h: &mut [[T
 
 /// Where not definite: h += t I so that the least eigenvalue becomes its own magnitude, and is not tiny.
 #[inline(always)]
-fn shift<T: Real, const K: usize>(h: &mut [[T; K]; K], definite: T::Mask) {
+pub(super) fn shift<T: Real, const K: usize>(h: &mut [[T; K]; K], definite: T::Mask) {
     let mut negated = *h;
     let mut size = T::zero();
     for i in 0..K {
@@ -197,7 +197,7 @@ fn shift<T: Real, const K: usize>(h: &mut [[T; K]; K], definite: T::Mask) {
 /// Near a saddle the gradient does not tell the way down: a step shorter than 1e-3 gets 0.1 of a direction of negative
 /// curvature, turned so that it does not climb.
 #[inline(always)]
-fn leave_saddle<T: Real, const K: usize>(p: &mut [T; K], g: &[T; K], negative: &[T; K], definite: T::Mask) {
+pub(super) fn leave_saddle<T: Real, const K: usize>(p: &mut [T; K], g: &[T; K], negative: &[T; K], definite: T::Mask) {
     let (mut largest, mut norm, mut slope) = (T::zero(), T::zero(), T::zero());
     for i in 0..K {
         largest = largest.max(p[i].abs());
@@ -212,7 +212,7 @@ fn leave_saddle<T: Real, const K: usize>(p: &mut [T; K], g: &[T; K], negative: &
 }
 
 #[inline(always)]
-fn minus<T: Real, const K: usize>(mut x: [T; K]) -> [T; K] {
+pub(super) fn minus<T: Real, const K: usize>(mut x: [T; K]) -> [T; K] {
     for i in 0..K {
         x[i] = -x[i];
     }

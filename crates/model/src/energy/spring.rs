@@ -13,6 +13,7 @@ pub struct Spring {
 
 impl Energy<1> for Spring {
     const NAME: &'static str = "spring";
+    const SEPARABLE: bool = true;
 
     /// stiffness = Young's modulus: cross-sections of 1.
     fn from_lame(lame: &Lame) -> Self {

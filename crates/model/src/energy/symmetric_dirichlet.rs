@@ -29,6 +29,7 @@ impl Default for SymmetricDirichlet {
 
 impl<const K: usize> Energy<K> for SymmetricDirichlet {
     const NAME: &'static str = "symmetric-dirichlet";
+    const SEPARABLE: bool = true;
     const BARRIER: bool = true;
 
     /// scale = mu/2: the stiffness at rest, 4 scale, is then 2 mu, that of a material with lambda = 0.

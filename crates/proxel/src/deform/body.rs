@@ -1,7 +1,7 @@
 //! The body as the solver sees it: centred, sorted, with its elements, loads and anchors.
 
-use super::elements::{Cells, build, measures};
-use super::{DeformError, DeformInput, start};
+use super::elements::{Cells, add_weights, build};
+use super::{DeformError, DeformInput, constraints, planar, sheet, start};
 use crate::settings::DeformSettings;
 use proxel_mesh::{check, topology};
 use proxel_split::{Problem, Quadratic, SystemError};
@@ -9,11 +9,13 @@ use proxel_split::{Problem, Quadratic, SystemError};
 /// A deformation problem, and the way between the user's numbering and units and the solver's.
 pub struct Body {
     name: String,
+    dim: usize, // 2 in the plane, else 3
     center: [f64; 3],
     order: Vec<u32>, // the user's vertex at each place: free ones first
     n_free: usize,
-    targets: Vec<(u32, [f64; 3])>, // fixed vertices and where, in the user's numbering and units
-    reference: Option<Vec<f64>>,   // in the solver's
+    obstacles: std::ops::Range<usize>, // their terms
+    targets: Vec<(u32, [f64; 3])>,     // fixed vertices and where, in the user's numbering and units
+    reference: Option<Vec<f64>>,       // in the solver's
     repaired_tets: Option<Vec<[u32; 4]>>,
     warnings: Vec<String>,
     repaired: Vec<String>,
@@ -34,9 +36,11 @@ impl Body {
         check_vectors(&name, n, input)?;
         let mut body = Body {
             name,
+            dim: if settings.planar { 2 } else { 3 },
             center: [0.0; 3],
             order: Vec::new(),
             n_free: 0,
+            obstacles: 0..0,
             targets: Vec::new(),
             reference: None,
             repaired_tets: None,
@@ -46,31 +50,45 @@ impl Body {
         };
         body.check_volumes(input, settings)?;
         let tets = body.repaired_tets.as_deref().unwrap_or(&mesh.tets);
-        let cells = Cells::of(mesh, tets, settings.material.energy == "spring");
-        if cells.len() == 0 {
+        let mut kinds = Cells::all(mesh, tets, settings);
+        if kinds.iter().all(|cells| cells.len() == 0) {
             return Err(DeformError(format!(
                 "{}: it has no elements; give a mesh of tetrahedra, triangles or edges",
                 body.name
             )));
         }
-        body.anchor(input, settings, &cells)?;
+        if settings.planar {
+            planar::check(&body.name, input, settings, &kinds)?;
+            body.repaired.extend(planar::orient(&body.name, mesh, settings, &mut kinds)?);
+        }
+        sheet::check(&body.name, settings, &kinds)?;
+        body.anchor(input, settings, &kinds)?;
         body.number(mesh.points.as_slice());
         let number = body.numbers();
         let rest = body.centred(&mesh.points);
-        let quadratic = body.quadratic(input, settings, &cells, &rest, &number);
+        let mut quadratic = body.quadratic(input, settings, &kinds, &rest, &number);
+        quadratic.form = sheet::bending(&body.name, settings, &kinds, &number, &rest, &mut body.warnings);
         let mut terms = Vec::new();
         let mut barrier = false;
-        for (material, chosen) in cells.by_material(mesh, settings) {
-            let built = build(&cells, &chosen, &number, &rest, material, settings, &body.name)?;
-            terms.push(built.term);
-            barrier |= built.barrier;
+        for cells in &kinds {
+            for (material, chosen) in cells.by_material(mesh, settings) {
+                let built = build(cells, &chosen, &number, &rest, material, settings, &body.name)?;
+                terms.push(built.term);
+                barrier |= built.barrier;
+            }
         }
         let x0 = match &input.start {
             Some(start) => body.with_targets(body.centred(start)),
-            None => start::smooth(&cells, &number, &rest, body.with_targets(rest.clone()), body.n_free)?,
+            None => start::smooth(&kinds, &number, &rest, body.with_targets(rest.clone()), body.n_free, body.dim)?,
         };
         body.reference = input.reference.as_ref().map(|r| body.centred(r));
-        body.problem = Some(Problem { dim: 3, n_free: body.n_free, x0, terms, quadratic, barrier });
+        let mut problem = Problem { dim: body.dim, n_free: body.n_free, x0, terms, quadratic, barrier };
+        let around =
+            constraints::Around { name: &body.name, input, number: &number, center: body.center, kinds: &kinds };
+        let obstacles = problem.terms.len();
+        body.warnings.extend(around.add(&mut problem, settings)?);
+        body.obstacles = obstacles..problem.terms.len();
+        body.problem = Some(problem);
         Ok(body)
     }
 
@@ -84,6 +102,11 @@ impl Body {
             quadratic: Quadratic::default(),
             barrier: false,
         })
+    }
+
+    /// The terms that are obstacles.
+    pub(super) fn obstacles(&self) -> std::ops::Range<usize> {
+        self.obstacles.clone()
     }
 
     /// What the user should know.
@@ -138,9 +161,10 @@ impl Body {
     }
 
     /// Collects fixed vertices: the user's, unreferenced ones in place, and one of each component that nothing holds.
-    fn anchor(&mut self, input: &DeformInput, settings: &DeformSettings, cells: &Cells) -> Result<(), DeformError> {
+    fn anchor(&mut self, input: &DeformInput, settings: &DeformSettings, kinds: &[Cells]) -> Result<(), DeformError> {
         let n = input.rest.n_verts();
-        let components = topology::components(n, cells.corners().chunks_exact(cells.size()));
+        let components =
+            topology::components(n, kinds.iter().flat_map(|cells| cells.corners().chunks_exact(cells.size())));
         let mut fixed: Vec<Option<[f64; 3]>> = vec![None; n];
         for (v, target) in &input.fixed {
             fixed[*v as usize] = Some(*target);
@@ -161,8 +185,9 @@ impl Body {
                 self.name
             ));
         }
-        let mut held = vec![false; components.count];
-        let mut loaded = vec![settings.density > 0.0 && settings.gravity != [0.0; 3]; components.count];
+        // An obstacle may be all that holds a body up, and a body that it does not is told by the run.
+        let mut held = vec![!input.obstacles.is_empty(); components.count];
+        let mut loaded = vec![settings.weighs() || constraints::pushes(input, kinds); components.count];
         let mut lowest = vec![u32::MAX; components.count];
         for v in 0..n {
             if let Some(c) = components.of_vertex[v] {
@@ -246,47 +271,41 @@ impl Body {
         &self,
         input: &DeformInput,
         settings: &DeformSettings,
-        cells: &Cells,
+        kinds: &[Cells],
         rest: &[f64],
         number: &[u32],
     ) -> Quadratic {
-        let weighs = settings.density > 0.0 && settings.gravity != [0.0; 3];
-        let mut loads = Vec::new();
-        if weighs || !input.loads.is_empty() {
-            loads = vec![0.0; rest.len()];
+        let n = number.len();
+        let mut forces = Vec::new();
+        if settings.weighs() || !input.loads.is_empty() {
+            forces = vec![[0.0; 3]; n];
         }
         for (v, force) in &input.loads {
             for d in 0..3 {
-                loads[number[*v as usize] as usize * 3 + d] += force[d];
+                forces[number[*v as usize] as usize][d] += force[d];
             }
         }
-        if weighs {
-            // The mass of an element goes to its corners in equal parts.
-            let renumbered = cells.renumbered(number);
-            let share = settings.density / cells.size() as f64;
-            for (corners, measure) in renumbered.corners().chunks_exact(cells.size()).zip(measures(&renumbered, rest)) {
-                for v in corners {
-                    for d in 0..3 {
-                        loads[*v as usize * 3 + d] += share * measure * settings.gravity[d];
-                    }
-                }
-            }
+        if settings.weighs() {
+            let renumbered: Vec<Cells> = kinds.iter().map(|cells| cells.renumbered(number)).collect();
+            add_weights(&renumbered, kinds, &input.rest, settings, rest, self.dim, &mut forces);
         }
         // sum b . x of the user's x = x + center
-        let constant = loads.chunks_exact(3).map(|b| -(0..3).map(|d| b[d] * self.center[d]).sum::<f64>()).sum();
+        let constant = forces.iter().map(|b| -(0..self.dim).map(|d| b[d] * self.center[d]).sum::<f64>()).sum();
+        let loads = forces.iter().flat_map(|b| &b[..self.dim]).copied().collect();
         let springs = input
             .soft
             .iter()
             .map(|(v, target, k)| (number[*v as usize], *k, std::array::from_fn(|d| target[d] - self.center[d])))
             .collect();
-        Quadratic { springs, loads, constant }
+        Quadratic { springs, loads, constant, ..Quadratic::default() }
     }
 
     /// The user's positions from the solver's; fixed vertices are exactly where they were to be held.
     pub fn positions(&self, x: &[f64]) -> Vec<[f64; 3]> {
-        let mut out = vec![[0.0; 3]; self.order.len()];
-        for (place, v) in self.order.iter().enumerate() {
-            out[*v as usize] = std::array::from_fn(|d| x[place * 3 + d] + self.center[d]);
+        let mut out = self.vectors(x);
+        for p in &mut out {
+            // In the plane the third coordinate is that of the plane.
+            *p = std::array::from_fn(|d| p[d] + self.center[d]);
         }
         for (v, target) in &self.targets {
             out[*v as usize] = *target;
@@ -294,17 +313,32 @@ impl Body {
         out
     }
 
+    /// One vector for each of the user's vertices from the solver's flat numbers; 0 where a coordinate is not the solver's.
+    pub fn vectors(&self, x: &[f64]) -> Vec<[f64; 3]> {
+        let mut out = vec![[0.0; 3]; self.order.len()];
+        for (v, x) in self.order.iter().zip(x.chunks_exact(self.dim)) {
+            out[*v as usize][..self.dim].copy_from_slice(x);
+        }
+        out
+    }
+
     /// The solver's positions from the user's.
     pub fn centred(&self, positions: &[[f64; 3]]) -> Vec<f64> {
-        self.order.iter().flat_map(|v| (0..3).map(|d| positions[*v as usize][d] - self.center[d])).collect()
+        let dim = self.dim;
+        self.order.iter().flat_map(|v| (0..dim).map(|d| positions[*v as usize][d] - self.center[d])).collect()
+    }
+
+    /// Whether the user's vertex is held.
+    pub fn is_fixed(&self, v: u32) -> bool {
+        self.targets.binary_search_by_key(&v, |t| t.0).is_ok()
     }
 
     /// Puts the fixed vertices where they are to be held.
     fn with_targets(&self, mut x: Vec<f64>) -> Vec<f64> {
         let number = self.numbers();
         for (v, target) in &self.targets {
-            for d in 0..3 {
-                x[number[*v as usize] as usize * 3 + d] = target[d] - self.center[d];
+            for d in 0..self.dim {
+                x[number[*v as usize] as usize * self.dim + d] = target[d] - self.center[d];
             }
         }
         x
@@ -312,7 +346,7 @@ impl Body {
 
     /// |x - X*| / |x0 - X*| over free vertices, where there is a reference.
     pub fn reference_error(&self, x: &[f64], x0: &[f64]) -> Option<f64> {
-        let reference = &self.reference.as_ref()?[..self.n_free * 3];
+        let reference = &self.reference.as_ref()?[..self.n_free * self.dim];
         let distance = |x: &[f64]| x.iter().zip(reference).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
         Some(distance(x) / distance(x0).max(f64::MIN_POSITIVE))
     }

@@ -3,8 +3,7 @@
 use super::DeformError;
 use crate::settings::{BaseWeight, Candidate, DeformSettings, LocalFrame, Material};
 use proxel_mesh::{Mesh, topology};
-use proxel_model::elements::{Coupling, Elements, Linear, Polar, Rest, Shape, Simplex};
-use proxel_model::energy::{Energy, EnergyVisitor, visit_1d, visit_2d, visit_3d};
+use proxel_model::elements::{Batch, BatchError, BatchShape, BatchWeights, ElementError, batch};
 use proxel_split::Term;
 use std::collections::BTreeMap;
 
@@ -31,6 +30,20 @@ impl Cells {
             return Cells::Springs(edges);
         }
         if tets.is_empty() { Cells::Triangles(mesh.faces.fan_triangles()) } else { Cells::Tets(tets.to_vec()) }
+    }
+
+    /// All elements of the mesh, those of the highest dimension first: one kind, unless the settings say that the mesh is
+    /// mixed.
+    pub fn all(mesh: &Mesh, tets: &[[u32; 4]], settings: &DeformSettings) -> Vec<Cells> {
+        if !settings.mixed || settings.material.energy == "spring" {
+            return vec![Cells::of(mesh, tets, settings.material.energy == "spring")];
+        }
+        let kinds = [
+            Cells::Tets(tets.to_vec()),
+            Cells::Triangles(mesh.faces.fan_triangles()),
+            Cells::Springs(mesh.edges.clone()),
+        ];
+        kinds.into_iter().filter(|cells| cells.len() > 0).collect()
     }
 
     /// All corners, flat.
@@ -66,6 +79,17 @@ impl Cells {
         self.corners().len() / self.size()
     }
 
+    /// As batches know it.
+    pub fn shape(&self, planar: bool) -> BatchShape {
+        match (self, planar) {
+            (Cells::Tets(_), _) => BatchShape::Tetrahedra,
+            (Cells::Triangles(_), false) => BatchShape::Triangles,
+            (Cells::Triangles(_), true) => BatchShape::PlanarTriangles,
+            (Cells::Springs(_), false) => BatchShape::Springs,
+            (Cells::Springs(_), true) => BatchShape::PlanarSprings,
+        }
+    }
+
     /// What one is called.
     pub fn noun(&self) -> &'static str {
         match self {
@@ -80,6 +104,7 @@ impl Cells {
         let regions = match self {
             Cells::Tets(_) => mesh.tet_regions.as_ref(),
             Cells::Triangles(_) if mesh.faces.as_triangles().is_some() => mesh.face_regions.as_ref(),
+            Cells::Springs(c) if *c == mesh.edges => mesh.edge_regions.as_ref(),
             _ => None,
         };
         let mut groups: BTreeMap<Option<i32>, Vec<usize>> = BTreeMap::new();
@@ -96,56 +121,14 @@ impl Cells {
     }
 }
 
-/// Builds a term once the energy's type is known.
-struct Build<'a, const D: usize, const K: usize> {
-    rest: &'a Rest<D, K>,
-    settings: &'a DeformSettings,
-}
-
 /// A batch, and whether its energy is infinite, or its prox forbidden, where an element is inverted.
 pub(super) struct Built {
     pub term: Box<dyn Term>,
     pub barrier: bool,
 }
 
-impl<const D: usize, const K: usize> EnergyVisitor<K> for Build<'_, D, K>
-where
-    Simplex: Shape<D, K>,
-    Linear: Coupling<D, K>,
-    Polar: Coupling<D, K>,
-{
-    type Output = Built;
-    fn visit<E: Energy<K>>(self, energy: E) -> Built {
-        let admm = &self.settings.admm;
-        let method = self.settings.method;
-        let fixed = method.is_splitting() && !method.is_reweighted();
-        let stiffness = match admm.base_weight {
-            BaseWeight::RestHessian => energy.rest_stiffness(),
-            BaseWeight::Slope => energy.slope_stiffness(),
-            BaseWeight::Auto if fixed => energy.rest_stiffness(),
-            BaseWeight::Auto if method.is_splitting() && !method.is_rotation_aware() => 0.5 * energy.slope_stiffness(),
-            BaseWeight::Auto => energy.slope_stiffness(),
-        };
-        let base = stiffness * admm.weight_scale;
-        let softening = match admm.candidate {
-            Candidate::Hessian => 1.0,
-            Candidate::Relative => base / energy.rest_stiffness(),
-        };
-        let barrier = E::PROX_POSITIVE;
-        let signed = admm.local_frame == LocalFrame::SingularValues;
-        let term: Box<dyn Term> = match self.settings.method.is_rotation_aware() {
-            true => Box::new(
-                Elements::<D, K, Polar>::new(self.rest, energy, base)
-                    .with_singular_values(signed)
-                    .with_softening(softening),
-            ),
-            false => Box::new(Elements::<D, K, Linear>::new(self.rest, energy, base).with_softening(softening)),
-        };
-        Built { term, barrier }
-    }
-}
-
-/// The elements `chosen` of `cells` as a batch over flat positions `x` at rest; `number` renumbers vertices.
+/// The elements `chosen` of `cells` as a batch over flat positions `x` at rest, three numbers a node or, in the plane, two;
+/// `number` renumbers vertices.
 pub(super) fn build(
     cells: &Cells,
     chosen: &[usize],
@@ -160,36 +143,52 @@ pub(super) fn build(
     let corners = cells.corners();
     let elements: Vec<u32> =
         chosen.iter().flat_map(|e| &corners[e * size..(e + 1) * size]).map(|v| number[*v as usize]).collect();
-    let refuse = |e: proxel_model::elements::ElementError| {
-        let proxel_model::elements::ElementError::Measure { element, measure } = e else {
-            return DeformError(e.to_string());
-        };
-        let (noun, index) = (cells.noun(), chosen[element]);
-        DeformError(format!(
-            "{name}: {noun} {index} (0-based) has size {measure:e} at rest; move its vertices apart or remove it"
-        ))
+    let refuse = |e: BatchError| match e {
+        BatchError::Element(ElementError::Measure { element, measure }) => {
+            let (noun, index) = (cells.noun(), chosen[element]);
+            DeformError(format!(
+                "{name}: {noun} {index} (0-based) has size {measure:e} at rest; move its vertices apart or remove it"
+            ))
+        }
+        BatchError::Element(e) => DeformError(e.to_string()),
+        BatchError::Energy(e) => DeformError(format!("{e} (--material)")),
     };
-    let unknown = |e: proxel_model::energy::UnknownEnergy| DeformError(format!("{e} (--material)"));
-    let energy = material.energy.as_str();
-    match cells {
-        Cells::Tets(_) => {
-            let rest = Rest::<3, 3>::new(x, &elements).map_err(refuse)?;
-            visit_3d(energy, &lame, Build { rest: &rest, settings }).map_err(unknown)
-        }
-        Cells::Triangles(_) => {
-            let rest = Rest::<3, 2>::new(x, &elements).map_err(refuse)?;
-            visit_2d(energy, &lame, Build { rest: &rest, settings }).map_err(unknown)
-        }
-        Cells::Springs(_) => {
-            let rest = Rest::<3, 1>::new(x, &elements).map_err(refuse)?;
-            visit_1d(energy, &lame, Build { rest: &rest, settings }).map_err(unknown)
-        }
-    }
+    let admm = &settings.admm;
+    let method = settings.method;
+    let fixed = method.is_splitting() && !method.is_reweighted();
+    let weights = |rest: f64, slope: f64| {
+        let stiffness = match admm.base_weight {
+            BaseWeight::RestHessian => rest,
+            BaseWeight::Slope => slope,
+            BaseWeight::Auto if fixed => rest,
+            BaseWeight::Auto if method.is_splitting() && !method.is_rotation_aware() => 0.5 * slope,
+            BaseWeight::Auto => slope,
+        };
+        let base = stiffness * admm.weight_scale;
+        let softening = match admm.candidate {
+            Candidate::Hessian => 1.0,
+            Candidate::Relative => base / rest,
+        };
+        BatchWeights { base, softening }
+    };
+    let (term, barrier) = batch(&Batch {
+        shape: cells.shape(settings.planar),
+        positions: x,
+        elements: &elements,
+        energy: &material.energy,
+        lame: &lame,
+        limits: settings.strain_limit.map(|[low, high]| (low, high)),
+        rotation_aware: settings.method.is_rotation_aware(),
+        singular_values: admm.local_frame == LocalFrame::SingularValues,
+        weights: &weights,
+    })
+    .map_err(refuse)?;
+    Ok(Built { term, barrier })
 }
 
-/// The size of every element of the rest mesh, for masses.
-pub(super) fn measures(cells: &Cells, x: &[f64]) -> Vec<f64> {
-    let at = |v: u32| -> [f64; 3] { std::array::from_fn(|d| x[v as usize * 3 + d]) };
+/// The size of every element over flat rest positions with `dim` numbers a node, for masses.
+pub(super) fn measures(cells: &Cells, x: &[f64], dim: usize) -> Vec<f64> {
+    let at = |v: u32| -> [f64; 3] { std::array::from_fn(|d| if d < dim { x[v as usize * dim + d] } else { 0.0 }) };
     let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|d| a[d] - b[d]) };
     let cross =
         |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -217,5 +216,35 @@ pub(super) fn measures(cells: &Cells, x: &[f64]) -> Vec<f64> {
                 dot(d, d).sqrt()
             })
             .collect(),
+    }
+}
+
+/// The mass of every element over its corners in equal parts, times gravity, is added to `forces`. `renumbered` are `kinds`,
+/// as [`Cells::all`] gives them, over the flat rest positions `x` with `dim` numbers a node.
+pub(super) fn add_weights(
+    renumbered: &[Cells],
+    kinds: &[Cells],
+    mesh: &Mesh,
+    settings: &DeformSettings,
+    x: &[f64],
+    dim: usize,
+    forces: &mut [[f64; 3]],
+) {
+    for (rank, (cells, original)) in renumbered.iter().zip(kinds).enumerate() {
+        let sizes = measures(cells, x, dim);
+        for (material, chosen) in original.by_material(mesh, settings) {
+            let density = material.density.unwrap_or(if rank == 0 { settings.density } else { 0.0 });
+            if density == 0.0 {
+                continue;
+            }
+            let share = density / cells.size() as f64;
+            for e in chosen {
+                for v in &cells.corners()[e * cells.size()..(e + 1) * cells.size()] {
+                    for d in 0..3 {
+                        forces[*v as usize][d] += share * sizes[e] * settings.gravity[d];
+                    }
+                }
+            }
+        }
     }
 }

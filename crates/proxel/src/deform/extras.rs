@@ -1,7 +1,7 @@
 //! Fields that go out with the result: stretches, energy density, stress, reaction forces.
 
-use super::elements::{Cells, measures};
-use super::{DeformError, DeformInput, Deformation};
+use super::elements::Cells;
+use super::{DeformError, DeformInput, Deformation, planar};
 use crate::settings::DeformSettings;
 use proxel_mesh::{Fields, Mesh};
 use proxel_model::elements::{Rest, Shape, Simplex};
@@ -56,18 +56,21 @@ impl Extras {
 pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformation) -> Result<Extras, DeformError> {
     let mesh = &input.rest;
     let n = mesh.n_verts();
-    let cells =
-        Cells::of(mesh, result.repaired_tets.as_deref().unwrap_or(&mesh.tets), settings.material.energy == "spring");
-    let identity: Vec<u32> = (0..n as u32).collect();
+    let mut kinds = Cells::all(mesh, result.repaired_tets.as_deref().unwrap_or(&mesh.tets), settings);
+    let dim = if settings.planar { 2 } else { 3 };
+    if settings.planar {
+        planar::orient(&mesh.name, mesh, settings, &mut kinds)?;
+    }
+    let Some(cells) = kinds.first() else { return Ok(Extras::default()) };
     let center =
         mesh.bounding_box().map_or([0.0; 3], |(low, high)| std::array::from_fn(|d| low[d] / 2.0 + high[d] / 2.0));
-    let centred = |p: &[[f64; 3]]| -> Vec<f64> { p.iter().flat_map(|p| (0..3).map(|d| p[d] - center[d])).collect() };
+    let centred = |p: &[[f64; 3]]| -> Vec<f64> { p.iter().flat_map(|p| (0..dim).map(|d| p[d] - center[d])).collect() };
     let (rest, x) = (centred(&mesh.points), centred(&result.positions));
     let mut out = Extras {
         stretches: vec![[1.0; 3]; cells.len()],
         energy_density: vec![0.0; cells.len()],
         von_mises: vec![0.0; cells.len()],
-        reaction: vec![[0.0; 3]; n],
+        reaction: result.reaction.clone(),
         displacement: mesh
             .points
             .iter()
@@ -76,98 +79,74 @@ pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformati
             .collect(),
         pinned: vec![0.0; n],
     };
-    let mut forces = vec![[0.0; 3]; n];
+    for (v, _) in &input.fixed {
+        out.pinned[*v as usize] = 1.0;
+    }
     for (material, chosen) in cells.by_material(mesh, settings) {
         let lame = material.lame().map_err(|e| DeformError(e.to_string()))?;
         let size = cells.size();
         let corners: Vec<u32> =
             chosen.iter().flat_map(|e| &cells.corners()[e * size..(e + 1) * size]).copied().collect();
-        let refuse = |e: proxel_model::elements::ElementError| DeformError(e.to_string());
-        let unknown = |e: proxel_model::energy::UnknownEnergy| DeformError(e.to_string());
-        let name = material.energy.as_str();
-        match &cells {
-            Cells::Tets(_) => {
-                let rest = Rest::<3, 3>::new(&rest, &corners).map_err(refuse)?;
-                visit_3d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces })
-                    .map_err(unknown)?;
-            }
-            Cells::Triangles(_) => {
-                let rest = Rest::<3, 2>::new(&rest, &corners).map_err(refuse)?;
-                visit_2d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces })
-                    .map_err(unknown)?;
-            }
-            Cells::Springs(_) => {
-                let rest = Rest::<3, 1>::new(&rest, &corners).map_err(refuse)?;
-                visit_1d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces })
-                    .map_err(unknown)?;
-            }
+        let batch = Batch { name: &material.energy, rest: &rest, x: &x, corners: &corners, chosen: &chosen };
+        match (cells, dim) {
+            (Cells::Tets(_), _) => visit_3d(batch.name, &lame, batch.fill::<3, 3>(&mut out)?).map_err(unknown)?,
+            (Cells::Triangles(_), 3) => visit_2d(batch.name, &lame, batch.fill::<3, 2>(&mut out)?).map_err(unknown)?,
+            (Cells::Triangles(_), _) => visit_2d(batch.name, &lame, batch.fill::<2, 2>(&mut out)?).map_err(unknown)?,
+            (Cells::Springs(_), 3) => visit_1d(batch.name, &lame, batch.fill::<3, 1>(&mut out)?).map_err(unknown)?,
+            (Cells::Springs(_), _) => visit_1d(batch.name, &lame, batch.fill::<2, 1>(&mut out)?).map_err(unknown)?,
         }
-    }
-    add_loads(input, settings, &cells.renumbered(&identity), &rest, &mut forces);
-    for (v, _) in &input.fixed {
-        out.pinned[*v as usize] = 1.0;
-        out.reaction[*v as usize] = forces[*v as usize];
     }
     Ok(out)
 }
 
-/// Loads act on what holds the body too.
-fn add_loads(input: &DeformInput, settings: &DeformSettings, cells: &Cells, rest: &[f64], forces: &mut [[f64; 3]]) {
-    for (v, force) in &input.loads {
-        for d in 0..3 {
-            forces[*v as usize][d] += force[d];
-        }
-    }
-    if settings.density > 0.0 {
-        let share = settings.density / cells.size() as f64;
-        for (corners, measure) in cells.corners().chunks_exact(cells.size()).zip(measures(cells, rest)) {
-            for v in corners {
-                for d in 0..3 {
-                    forces[*v as usize][d] += share * measure * settings.gravity[d];
-                }
-            }
-        }
+fn unknown(e: proxel_model::energy::UnknownEnergy) -> DeformError {
+    DeformError(e.to_string())
+}
+
+/// Elements of one material.
+struct Batch<'a> {
+    name: &'a str,
+    rest: &'a [f64],
+    x: &'a [f64],
+    corners: &'a [u32],
+    chosen: &'a [usize],
+}
+
+impl<'a> Batch<'a> {
+    fn fill<'o, const D: usize, const K: usize>(&self, out: &'o mut Extras) -> Result<Fill<'o, D, K>, DeformError>
+    where
+        'a: 'o,
+    {
+        let rest = Rest::<D, K>::new(self.rest, self.corners).map_err(|e| DeformError(e.to_string()))?;
+        Ok(Fill { rest, x: self.x, chosen: self.chosen, out })
     }
 }
 
 /// Fills the fields of a batch once the energy's type is known.
 struct Fill<'a, const D: usize, const K: usize> {
-    rest: &'a Rest<D, K>,
+    rest: Rest<D, K>,
     x: &'a [f64],
     chosen: &'a [usize],
     out: &'a mut Extras,
-    forces: &'a mut [[f64; 3]],
 }
 
-impl<const K: usize> EnergyVisitor<K> for Fill<'_, 3, K>
+impl<const D: usize, const K: usize> EnergyVisitor<K> for Fill<'_, D, K>
 where
-    Simplex: Shape<3, K>,
+    Simplex: Shape<D, K>,
 {
     type Output = ();
     fn visit<E: Energy<K>>(self, energy: E) {
         for (e, nodes) in self.rest.elements().chunks_exact(K + 1).enumerate() {
-            let at = |k: usize, d: usize| self.x[nodes[k] as usize * 3 + d];
+            let at = |k: usize, d: usize| self.x[nodes[k] as usize * D + d];
             let inverse = self.rest.inverse(e);
-            let f: [[f64; K]; 3] = std::array::from_fn(|d| {
+            let f: [[f64; K]; D] = std::array::from_fn(|d| {
                 std::array::from_fn(|c| (0..K).map(|k| (at(k + 1, d) - at(0, d)) * inverse[k][c]).sum())
             });
-            let svd = <Simplex as Shape<3, K>>::svd(f);
-            let gradient = energy.gradient(svd.s);
+            let svd = <Simplex as Shape<D, K>>::svd(f);
             let place = self.chosen[e];
-            for i in 0..K {
-                self.out.stretches[place][i] = svd.s[i];
-            }
+            self.out.stretches[place][..K].copy_from_slice(&svd.s);
             self.out.energy_density[place] = energy.value(svd.s);
-            self.out.von_mises[place] = von_mises(&svd.s, &gradient);
-            for k in 0..K {
-                for d in 0..3 {
-                    // -dE/dx = -V P g_k
-                    let stress = |c: usize| (0..K).map(|i| svd.u[d][i] * gradient[i] * svd.v[c][i]).sum::<f64>();
-                    let force = -self.rest.measure(e) * (0..K).map(|c| stress(c) * inverse[k][c]).sum::<f64>();
-                    self.forces[nodes[k + 1] as usize][d] += force;
-                    self.forces[nodes[0] as usize][d] -= force;
-                }
-            }
+            self.out.von_mises[place] = von_mises(&svd.s, &energy.gradient(svd.s));
         }
     }
 }

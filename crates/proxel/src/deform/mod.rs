@@ -4,8 +4,11 @@
 //! units and vertex order; inside, the mesh is moved to the origin and vertices are sorted, free ones first.
 
 mod body;
+mod constraints;
 mod elements;
 mod extras;
+mod planar;
+mod sheet;
 mod start;
 mod watch;
 
@@ -13,13 +16,16 @@ pub use body::Body;
 pub use extras::{Extras, extras};
 pub use watch::{Hooks, Progress};
 
+use crate::pins::HalfSpace;
 use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::Mesh;
 use proxel_split::{
-    AaAdmm, Aadr, Admm, AdmmSettings, Auto, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs,
-    Method, Newton, NoProgress, Outcome, PatchGradient, Problem, QuasiNewton, Residuals, Status, Stop, SystemError,
+    AaAdmm, Aadr, Admm, AdmmSettings, Auto, Cancel, Direct, Equality, GlobalStep, GradientTolerance, IterationLimit,
+    Lbfgs, Method, Newton, NoProgress, Outcome, PatchGradient, Problem, QuasiNewton, ResidualTolerance, Residuals,
+    Status, Stop, SystemError,
 };
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// What is to be deformed, and how it is held.
@@ -35,6 +41,15 @@ pub struct DeformInput {
     pub soft: Vec<(u32, [f64; 3], f64)>,
     /// Forces on vertices.
     pub loads: Vec<(u32, [f64; 3])>,
+    /// Pressures on the faces whose corners are all among these vertices, force over area along the outward normal: of the
+    /// boundary of tetrahedra, or of triangles as they are oriented.
+    pub pressures: Vec<(Vec<u32>, f64)>,
+    /// Rows sum a_i x_i = b over vertices, which hold exactly.
+    pub equalities: Vec<Equality>,
+    /// Planes that vertices stay on the side of, to which the normal points; without friction.
+    pub obstacles: Vec<HalfSpace>,
+    /// Named groups of vertices, whose reaction forces are reported.
+    pub groups: Vec<(String, Vec<u32>)>,
     /// Positions to measure the position error against; they change nothing.
     pub reference: Option<Vec<[f64; 3]>>,
 }
@@ -70,6 +85,8 @@ pub struct Deformation {
     pub report: Report,
     /// The tetrahedra that were used, where orientations were repaired.
     pub repaired_tets: Option<Vec<[u32; 4]>>,
+    /// At fixed vertices, the force that the body exerts on what holds it, loads and hard limits included; 0 elsewhere.
+    pub reaction: Vec<[f64; 3]>,
 }
 
 /// Minimises the deformation energy of `input` and says how it went. What it returns holds for the positions as returned.
@@ -110,9 +127,11 @@ fn deform_here(
     // What is reported is what a reader of the written positions finds.
     let positions = body.positions(&run.outcome.x);
     let x = body.centred(&positions);
-    let mut grad = vec![0.0; run.problem.n_free * 3];
+    let hard = run.problem.has_hard_sets();
+    let mut grad = vec![0.0; x.len()];
     let energy = run.problem.energy(&x, Some(&mut grad));
-    let gradient_norm = proxel_split::vector::norm(&grad);
+    let reaction = reactions(&body, run.forces.as_deref().unwrap_or(&grad));
+    let gradient_norm = run.problem.gradient_norm(&mut grad[..run.problem.n_free * run.problem.dim]);
     let outcome = &run.outcome;
     let report = Report {
         version: env!("CARGO_PKG_VERSION").to_string(),
@@ -125,8 +144,10 @@ fn deform_here(
         inner_iterations: outcome.inner_iterations,
         refactorisations: outcome.refactorisations,
         energy: finite(energy.value),
-        gradient_norm: finite(gradient_norm),
-        gradient_ratio: finite(if run.reference_gradient > 0.0 { gradient_norm / run.reference_gradient } else { 0.0 }),
+        // At the border of a hard set the gradient does not vanish: it says nothing there.
+        gradient_norm: finite(gradient_norm).filter(|_| !hard),
+        gradient_ratio: finite(if run.reference_gradient > 0.0 { gradient_norm / run.reference_gradient } else { 0.0 })
+            .filter(|_| !hard),
         inverted: Some(energy.inverted),
         min_stretch: finite(energy.min_stretch),
         max_stretch: finite(energy.max_stretch),
@@ -141,8 +162,50 @@ fn deform_here(
         peak_bytes: None,
         factor_bytes: Some(run.factor_bytes),
         threads,
+        reactions: sums(&input.groups, &body, &reaction, &run.contacts),
     };
-    Ok(Deformation { positions, start, status: outcome.status, report, repaired_tets: body.repaired_tets() })
+    let (status, repaired_tets) = (outcome.status, body.repaired_tets());
+    Ok(Deformation { positions, start, status, report, repaired_tets, reaction })
+}
+
+/// Minus the gradient at the fixed vertices.
+fn reactions(body: &Body, grad: &[f64]) -> Vec<[f64; 3]> {
+    let mut out = body.vectors(grad);
+    for (v, g) in out.iter_mut().enumerate() {
+        *g = if body.is_fixed(v as u32) { g.map(|g| 0.0 - g) } else { [0.0; 3] };
+    }
+    out
+}
+
+/// The sum over the fixed vertices of each group that has some, and over those that touch each obstacle.
+fn sums(
+    groups: &[(String, Vec<u32>)],
+    body: &Body,
+    reaction: &[[f64; 3]],
+    contacts: &[Vec<f64>],
+) -> BTreeMap<String, [f64; 3]> {
+    let mut sums = BTreeMap::new();
+    for (k, forces) in contacts.iter().enumerate() {
+        let mut sum = [0.0; 3];
+        for force in body.vectors(forces) {
+            for d in 0..3 {
+                sum[d] += force[d];
+            }
+        }
+        sums.insert(format!("obstacle {k}"), sum);
+    }
+    for (name, vertices) in groups {
+        let mut sum = [0.0; 3];
+        for v in vertices.iter().filter(|v| body.is_fixed(**v)) {
+            for d in 0..3 {
+                sum[d] += reaction[*v as usize][d];
+            }
+        }
+        if vertices.iter().any(|v| body.is_fixed(*v)) {
+            sums.insert(name.clone(), sum);
+        }
+    }
+    sums
 }
 
 fn finite(v: f64) -> Option<f64> {
@@ -154,6 +217,8 @@ struct Finished {
     outcome: Outcome,
     problem: Problem,
     reference_gradient: f64,
+    forces: Option<Vec<f64>>, // gradient over all nodes with the forces of hard sets, where there are some
+    contacts: Vec<Vec<f64>>,  // what the body exerts on each obstacle, over all nodes
     residuals: Residuals,
     factor_bytes: u64,
     setup: f64,
@@ -180,6 +245,8 @@ impl Finished {
             outcome,
             problem,
             reference_gradient: 0.0,
+            forces: None,
+            contacts: Vec::new(),
             residuals: Residuals { primal: 0.0, dual: 0.0 },
             factor_bytes: 0,
             setup: 0.0,
@@ -235,17 +302,31 @@ fn solve(
     hooks: &mut Hooks<'_>,
     began: Instant,
 ) -> Result<Finished, DeformError> {
+    if problem.has_hard_sets() && !settings.method.takes_hard_sets() {
+        return Err(DeformError(format!(
+            "{} needs derivatives and cannot hold hard limits; use --method auto, wrapd, r-admm, w-admm or admm-pd",
+            settings.method.as_str()
+        )));
+    }
+    if !problem.quadratic.equalities.is_empty() && !settings.method.takes_hard_sets() {
+        return Err(DeformError(format!(
+            "{} cannot hold equalities; use --method auto, wrapd, r-admm, w-admm or admm-pd",
+            settings.method.as_str()
+        )));
+    }
     let mut method = method(problem, settings).map_err(|e| DeformError(body.explain(&e)))?;
     let setup = began.elapsed().as_secs_f64();
     let mut tolerance = GradientTolerance::new(settings.tol, method.as_mut());
     let reference_gradient = tolerance.reference();
     let mut patch = settings.patch_tol.map(|eps| PatchGradient::new(eps, method.problem()));
+    let mut residual_tolerance = ResidualTolerance::new(settings.tol);
+    let hard = method.problem().has_hard_sets();
     let mut limit = IterationLimit(settings.max_iters);
     let mut stuck = NoProgress::new(REFUSALS);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
     let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
-    let mut stops: Vec<&mut dyn Stop> = vec![&mut tolerance];
+    let mut stops: Vec<&mut dyn Stop> = vec![if hard { &mut residual_tolerance } else { &mut tolerance }];
     if let Some(patch) = &mut patch {
         stops.push(patch);
     }
@@ -254,7 +335,10 @@ fn solve(
     let factor_bytes = method.factor_bytes();
     let solve = began.elapsed().as_secs_f64() - setup;
     let residuals = method.residuals();
-    Ok(Finished { outcome, problem: method.into_problem(), reference_gradient, residuals, factor_bytes, setup, solve })
+    let forces = if hard { method.forces() } else { None };
+    let contacts = body.obstacles().map(|term| method.forces_of_term(term).unwrap_or_default()).collect();
+    let problem = method.into_problem();
+    Ok(Finished { outcome, problem, reference_gradient, forces, contacts, residuals, factor_bytes, setup, solve })
 }
 
 impl MethodName {

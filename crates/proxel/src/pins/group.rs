@@ -7,6 +7,7 @@ use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use super::InputError;
+use super::around::{Around, EqualityRow};
 
 /// A group of vertices and what happens to them. Vertices are chosen by their rest positions;
 /// with a `stiffness` they are pulled by springs, with a `force` pushed, else pinned.
@@ -46,6 +47,10 @@ pub struct Group {
     /// A load on the vertices, which replaces the pin.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub force: Option<Force>,
+    /// A load on the faces whose corners are all in the group, force over area along the outward normal, which replaces the
+    /// pin: positive ones inflate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pressure: Option<f64>,
 }
 
 /// The box from `min` to `max`.
@@ -182,9 +187,16 @@ impl<'de> Deserialize<'de> for Index {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    #[serde(deserialize_with = "unique_names")]
+    #[serde(default, deserialize_with = "unique_names", skip_serializing_if = "BTreeMap::is_empty")]
     groups: BTreeMap<String, Group>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    equality: Vec<EqualityRow>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    obstacle: Vec<HalfSpace>,
 }
+
+/// What a file says.
+pub(super) type Said = (BTreeMap<String, Group>, Around);
 
 /// A map of groups that refuses a name given twice (JSON would let the last one win).
 fn unique_names<'de, D: Deserializer<'de>>(d: D) -> Result<BTreeMap<String, Group>, D::Error> {
@@ -208,7 +220,7 @@ fn unique_names<'de, D: Deserializer<'de>>(d: D) -> Result<BTreeMap<String, Grou
     d.deserialize_map(Groups)
 }
 
-pub(super) fn parse_toml(name: &str, content: &str) -> Result<BTreeMap<String, Group>, InputError> {
+pub(super) fn parse_toml(name: &str, content: &str) -> Result<Said, InputError> {
     let file: File = toml::from_str(content).map_err(|e| {
         let line = e.span().map(|s| 1 + content[..s.start.min(content.len())].matches('\n').count());
         InputError::from_serde(name, line, e.message())
@@ -216,7 +228,7 @@ pub(super) fn parse_toml(name: &str, content: &str) -> Result<BTreeMap<String, G
     checked(name, file)
 }
 
-pub(super) fn parse_json(name: &str, content: &str) -> Result<BTreeMap<String, Group>, InputError> {
+pub(super) fn parse_json(name: &str, content: &str) -> Result<Said, InputError> {
     let file: File = serde_json::from_str(content).map_err(|e| {
         let text = e.to_string();
         let message = text.rfind(" at line ").map_or(&text[..], |at| &text[..at]);
@@ -225,27 +237,33 @@ pub(super) fn parse_json(name: &str, content: &str) -> Result<BTreeMap<String, G
     checked(name, file)
 }
 
-pub(super) fn to_toml(name: &str, groups: &BTreeMap<String, Group>) -> Result<String, InputError> {
-    toml::to_string(&File { groups: groups.clone() }).map_err(|e| unwritable(name, &e))
+pub(super) fn to_toml(name: &str, groups: &BTreeMap<String, Group>, around: &Around) -> Result<String, InputError> {
+    toml::to_string(&file(groups, around)).map_err(|e| unwritable(name, &e))
 }
 
-pub(super) fn to_json(name: &str, groups: &BTreeMap<String, Group>) -> Result<String, InputError> {
-    let text = serde_json::to_string_pretty(&File { groups: groups.clone() });
+pub(super) fn to_json(name: &str, groups: &BTreeMap<String, Group>, around: &Around) -> Result<String, InputError> {
+    let text = serde_json::to_string_pretty(&file(groups, around));
     text.map(|t| t + "\n").map_err(|e| unwritable(name, &e))
+}
+
+fn file(groups: &BTreeMap<String, Group>, around: &Around) -> File {
+    File { groups: groups.clone(), equality: around.equalities.clone(), obstacle: around.obstacles.clone() }
 }
 
 fn unwritable(name: &str, e: &dyn fmt::Display) -> InputError {
     InputError::new(name, format!("the groups cannot be written: {e}"), "check the group names")
 }
 
-fn checked(name: &str, file: File) -> Result<BTreeMap<String, Group>, InputError> {
-    if file.groups.is_empty() {
+fn checked(name: &str, file: File) -> Result<Said, InputError> {
+    let around = Around { equalities: file.equality, obstacles: file.obstacle };
+    around.check(name)?;
+    if file.groups.is_empty() && around.is_empty() {
         return Err(InputError::new(name, "it has no groups", "add a group such as [groups.hand]"));
     }
     for (group, spec) in &file.groups {
         spec.check().map_err(|(what, remedy)| InputError::new(name, format!("group `{group}`: {what}"), remedy))?;
     }
-    Ok(file.groups)
+    Ok((file.groups, around))
 }
 
 impl Group {
@@ -277,8 +295,12 @@ impl Group {
         if let Some(k) = self.stiffness.filter(|&k| k <= 0.0) {
             return Err((format!("the stiffness is {k}"), "give a positive stiffness, or none for exact pins"));
         }
-        if self.force.is_some() && (self.moves() || self.stiffness.is_some()) {
-            return Err(("a force and a target exclude each other".into(), "put the force in a group of its own"));
+        let loaded = self.force.is_some() || self.pressure.is_some();
+        if loaded && (self.moves() || self.stiffness.is_some() || (self.force.is_some() && self.pressure.is_some())) {
+            return Err((
+                "a force, a pressure and a target exclude each other".into(),
+                "put each load in a group of its own",
+            ));
         }
         self.check_targets()
     }
@@ -326,6 +348,7 @@ impl Group {
             ("sphere", self.sphere.map(|s| s.radius)),
             ("rotate", self.rotate.map(|r| r.angle)),
             ("stiffness", self.stiffness),
+            ("pressure", self.pressure),
         ];
         let targets = self.targets.iter().flatten().map(|t| ("targets", *t));
         let vectors = vectors.into_iter().filter_map(|(key, v)| Some((key, v?))).chain(targets);

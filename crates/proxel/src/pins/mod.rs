@@ -1,4 +1,4 @@
-//! What holds a body: pins, soft springs and point loads, read from a small file.
+//! What holds and loads a body: pins, soft springs, loads, equalities and obstacles, read from a small file.
 //!
 //! A text file lists 0-based vertex indices, any number a line, `#` starts a comment; each of these
 //! vertices is pinned where the start has it. A `.toml` or `.json` file has named groups instead:
@@ -20,11 +20,25 @@
 //! [groups.wind]                                  # pushed
 //! plane = { point = [0, 1, 0], normal = [0, 1, 0] }
 //! force = { total = [10, 0, 0] }
+//!
+//! [groups.lung]                                  # inflated: faces with all corners in the group
+//! sphere = { center = [0, 1, 0], radius = 0.5 }
+//! pressure = 50                                  # force over area, along the outward normal
+//!
+//! [[equality]]                                   # sum a_i x_i = value, exactly
+//! vertices = [3, 4]
+//! coefficients = [1, -1]
+//! value = [0, 0.1, 0]
+//!
+//! [[obstacle]]                                   # all vertices stay on the side that the normal points to
+//! point = [0, -1, 0]
+//! normal = [0, 1, 0]
 //! ```
 //!
 //! [`PinFile::read`] parses and checks what can be checked alone, [`PinFile::resolve`] holds it
 //! against a body, [`PinFile::refined`] carries it over to a refined one.
 
+mod around;
 mod error;
 mod group;
 mod motion;
@@ -35,12 +49,15 @@ mod select;
 mod tests;
 mod text;
 
+pub use around::EqualityRow;
 pub use error::InputError;
 pub use group::{Combine, Force, Group, HalfSpace, Index, Region, Rotation, Scaling, Sphere};
 pub use resolve::Handles;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+
+use around::Around;
 
 use proxel_mesh::atomic_write;
 
@@ -50,6 +67,7 @@ pub struct PinFile {
     /// The file, for messages.
     name: String,
     content: Content,
+    around: Around,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -87,7 +105,7 @@ impl PinFile {
     pub fn from_text(name: impl Into<String>, content: &str) -> Result<Self, InputError> {
         let name = name.into();
         let list = text::parse(&name, content)?;
-        Ok(PinFile { name, content: Content::List(list) })
+        Ok(PinFile { name, content: Content::List(list), around: Around::default() })
     }
 
     /// Parses groups written in TOML.
@@ -96,8 +114,8 @@ impl PinFile {
     /// A syntax error, an unknown key, a group that contradicts itself.
     pub fn from_toml(name: impl Into<String>, content: &str) -> Result<Self, InputError> {
         let name = name.into();
-        let groups = group::parse_toml(&name, content)?;
-        Ok(PinFile { name, content: Content::Groups(groups) })
+        let (groups, around) = group::parse_toml(&name, content)?;
+        Ok(PinFile { name, content: Content::Groups(groups), around })
     }
 
     /// Parses groups written in JSON: `{"groups": {"hand": {"indices": [1, 2]}}}`.
@@ -106,8 +124,8 @@ impl PinFile {
     /// As [`from_toml`](Self::from_toml).
     pub fn from_json(name: impl Into<String>, content: &str) -> Result<Self, InputError> {
         let name = name.into();
-        let groups = group::parse_json(&name, content)?;
-        Ok(PinFile { name, content: Content::Groups(groups) })
+        let (groups, around) = group::parse_json(&name, content)?;
+        Ok(PinFile { name, content: Content::Groups(groups), around })
     }
 
     /// The groups, where the file has groups.
@@ -133,8 +151,8 @@ impl PinFile {
                 bad("a list of pins cannot be written as groups", "name a file that ends in .txt")
             }
             (Content::List(list), _) => Ok(list.iter().map(|(v, _)| format!("{v}\n")).collect()),
-            (Content::Groups(groups), Some("json")) => group::to_json(&file, groups),
-            (Content::Groups(groups), Some("toml")) => group::to_toml(&file, groups),
+            (Content::Groups(groups), Some("json")) => group::to_json(&file, groups, &self.around),
+            (Content::Groups(groups), Some("toml")) => group::to_toml(&file, groups, &self.around),
             (Content::Groups(_), _) => {
                 bad("groups of pins cannot be written as a list", "name a file that ends in .toml or .json")
             }

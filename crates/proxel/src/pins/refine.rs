@@ -31,7 +31,7 @@ impl PinFile {
                 Content::Groups(out)
             }
         };
-        Ok(PinFile { name: self.name.clone(), content })
+        Ok(PinFile { name: self.name.clone(), content, around: self.around.clone() })
     }
 
     fn refined_group(&self, group: &Group, name: &str, rest: &[V3], edges: &[[u32; 2]]) -> Result<Group, InputError> {

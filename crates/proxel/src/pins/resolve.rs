@@ -2,9 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use proxel_split::Equality;
+
 use super::motion::{Motion, centroid};
 use super::select::out_of_range;
-use super::{Content, Force, Group, InputError, PinFile};
+use super::{Content, Force, Group, HalfSpace, InputError, PinFile};
 
 type V3 = [f64; 3];
 
@@ -18,11 +20,17 @@ pub struct Handles {
     pub soft: Vec<(u32, V3, f64)>,
     /// Point loads, each vertex once.
     pub loads: Vec<(u32, V3)>,
+    /// Pressures: the vertices whose faces they act on, force over area along the outward normal.
+    pub pressures: Vec<(Vec<u32>, f64)>,
+    /// Rows sum a_i x_i = b over vertices.
+    pub equalities: Vec<Equality>,
+    /// Planes that every vertex stays on the side of, to which the normal points.
+    pub obstacles: Vec<HalfSpace>,
     /// The groups and their vertices; `pins` for those of a list.
     pub groups: Vec<(String, Vec<u32>)>,
     /// Whether the file says where vertices go, so that a start of its own is not needed.
     pub moved: bool,
-    /// What was odd, but has one meaning: duplicate pins, loads on pins.
+    /// What was odd, but has one meaning: an index given twice, loads on pins.
     pub warnings: Vec<String>,
 }
 
@@ -32,18 +40,21 @@ impl PinFile {
     /// positions.
     ///
     /// # Errors
-    /// An index out of range, a group that chooses nothing, two groups that send a vertex to
-    /// different places, a target that is not finite.
+    /// An index out of range, a group that chooses nothing, two groups that hold the same vertex, a
+    /// target that is not finite.
     pub fn resolve(&self, rest: &[V3], start: Option<&[V3]>) -> Result<Handles, InputError> {
         let start = start.unwrap_or(rest);
         if start.len() != rest.len() {
             let what = format!("the start has {} vertices, the rest shape {}", start.len(), rest.len());
             return Err(InputError::new(&self.name, what, "give both the same vertices"));
         }
-        match &self.content {
+        let mut handles = match &self.content {
             Content::List(list) => self.resolve_list(list, start),
             Content::Groups(groups) => self.resolve_groups(groups, rest, start),
-        }
+        }?;
+        handles.equalities = self.around.rows(&self.name, rest.len())?;
+        handles.obstacles.clone_from(&self.around.obstacles);
+        Ok(handles)
     }
 
     fn resolve_list(&self, list: &[(u32, usize)], start: &[V3]) -> Result<Handles, InputError> {
@@ -79,6 +90,7 @@ impl PinFile {
         let mut out = Handles::default();
         let mut fixed: BTreeMap<u32, (V3, &str)> = BTreeMap::new();
         let mut loads: BTreeMap<u32, V3> = BTreeMap::new();
+        let mut pulled: BTreeMap<u32, &str> = BTreeMap::new();
         let (mut repeats, mut twice) = (0, None);
         for (name, group) in groups {
             let selected = group.select(&self.name, name, rest)?;
@@ -86,6 +98,10 @@ impl PinFile {
             out.groups.push((name.clone(), members.iter().copied().collect()));
             if let Some(force) = group.force {
                 self.add_loads(&mut loads, name, force, &members)?;
+                continue;
+            }
+            if let Some(pressure) = group.pressure {
+                out.pressures.push((members.iter().copied().collect(), pressure));
                 continue;
             }
             out.moved |= group.moves();
@@ -111,28 +127,29 @@ impl PinFile {
             }
             for (v, target) in targets {
                 if let Some(stiffness) = group.stiffness {
+                    pulled.entry(v).or_insert(name);
                     out.soft.push((v, target, stiffness));
                 } else if let Some((t, other)) = fixed.insert(v, (target, name)) {
                     if !same_bits(t, target) {
                         return Err(self.contradiction(v, other, name));
                     }
-                    repeats += 1;
-                    twice = twice.or(Some((v, name)));
+                    let what = format!("groups `{other}` and `{name}` overlap: both hold vertex {v}");
+                    return Err(InputError::new(&self.name, what, "take the vertex out of one of them"));
                 }
             }
         }
         if let Some((v, name)) = twice {
             out.warnings.push(self.duplicates(repeats, &format!("vertex {v} in group `{name}`")));
         }
-        let pinned = |v: &u32| fixed.contains_key(v);
-        let idle = (loads.keys().filter(|v| pinned(v)).count(), out.soft.iter().filter(|s| pinned(&s.0)).count());
-        for (n, what) in [(idle.0, "loads"), (idle.1, "springs")] {
-            if n > 0 {
-                out.warnings.push(format!("{}: {n} {what} on pinned vertices have no effect", self.name));
-            }
+        if let Some((v, soft, hard)) = pulled.iter().find_map(|(v, soft)| Some((v, soft, fixed.get(v)?.1))) {
+            let what = format!("groups `{hard}` and `{soft}` overlap: the one holds vertex {v}, the other pulls at it");
+            return Err(InputError::new(&self.name, what, "take the vertex out of one of them"));
+        }
+        let idle = loads.keys().filter(|v| fixed.contains_key(v)).count();
+        if idle > 0 {
+            out.warnings.push(format!("{}: {idle} loads on pinned vertices have no effect", self.name));
         }
         loads.retain(|v, _| !fixed.contains_key(v));
-        out.soft.retain(|s| !fixed.contains_key(&s.0));
         out.soft.sort_by_key(|s| s.0); // stable: two springs of a vertex stay in the order of groups
         out.fixed = fixed.into_iter().map(|(v, (t, _))| (v, t)).collect();
         out.loads = loads.into_iter().collect();

@@ -116,23 +116,31 @@ fn springs_and_loads() {
 }
 
 #[test]
-fn loads_and_springs_on_pins_are_dropped_with_a_warning() {
+fn loads_on_pins_are_dropped_with_a_warning() {
     let h = handles(
-        "[groups.a]\nindices = [1, 2]\n[groups.f]\nindices = [2, 3]\nforce = { each = [1, 0, 0] }\n\
-         [groups.s]\nindices = [1]\nstiffness = 1",
+        "[groups.a]\nindices = [1, 2, 1]\n[groups.f]\nindices = [2, 3]\nforce = { each = [1, 0, 0] }\n\
+         [groups.s]\nindices = [4]\nstiffness = 1\n[groups.t]\nindices = [4]\nstiffness = 2",
     );
-    assert_eq!((h.loads.len(), h.soft.len()), (1, 0));
+    assert_eq!((h.loads.len(), h.soft.len(), h.fixed.len()), (1, 2, 2), "springs add up");
     assert_eq!(
         h.warnings,
-        ["p.toml: 1 loads on pinned vertices have no effect", "p.toml: 1 springs on pinned vertices have no effect"]
+        [
+            "p.toml: 1 duplicate pin ignored, first vertex 1 in group `a`",
+            "p.toml: 1 loads on pinned vertices have no effect"
+        ]
     );
 }
 
 #[test]
-fn overlapping_groups_must_agree() {
-    let h = handles("[groups.a]\nindices = [1, 2]\n[groups.b]\nindices = [2, 3]");
-    assert_eq!(h.fixed.len(), 3);
-    assert_eq!(h.warnings, ["p.toml: 1 duplicate pin ignored, first vertex 2 in group `b`"]);
+fn overlapping_groups_are_refused() {
+    assert_eq!(
+        refusal("[groups.a]\nindices = [1, 2]\n[groups.b]\nindices = [2, 3]"),
+        "p.toml: groups `a` and `b` overlap: both hold vertex 2; take the vertex out of one of them"
+    );
+    assert_eq!(
+        refusal("[groups.a]\nindices = [1, 2]\n[groups.s]\nindices = [3, 1]\nstiffness = 1"),
+        "p.toml: groups `a` and `s` overlap: the one holds vertex 1, the other pulls at it; take the vertex out of one of them"
+    );
     assert_eq!(
         refusal("[groups.a]\nindices = [1, 2]\n[groups.b]\nindices = [2]\ntranslate = [1, 0, 0]"),
         "p.toml: groups `a` and `b` send vertex 2 to different places; take the vertex out of one of \
@@ -144,7 +152,7 @@ fn overlapping_groups_must_agree() {
 #[test]
 fn groups_that_make_no_sense_are_refused() {
     for (text, part) in [
-        ("", "missing field `groups`"),
+        ("", "it has no groups"),
         ("[groups]", "it has no groups"),
         ("[groups.a]", "group `a`: it chooses no vertices"),
         ("[groups.a]\nindices = []", "group `a` chooses none of the 8 vertices"),
@@ -170,6 +178,14 @@ fn groups_that_make_no_sense_are_refused() {
         ("[groups.a]\nbox = { min = [1,0,0], max = [0,0,0] }", "the box has its x from 1 to 0"),
         ("[groups.a]\nindices = [1]\nscale = \"big\"", "expected a factor, three factors"),
         ("groups = 3", "expected groups by name"),
+        ("[groups.a]\nindices = [1]\nforce = { each = [1,0,0] }\npressure = 1", "exclude each other"),
+        ("[groups.a]\nindices = [1]\npressure = nan", "a number of `pressure` is NaN"),
+        ("[[equality]]\nvertices = []", "equality 0 (0-based) names no vertices"),
+        ("[[equality]]\nvertices = [1, 9]", "equality 0 (0-based): vertex index 9 is out of range"),
+        ("[[equality]]\nvertices = [1, 2]\ncoefficients = [1]", "1 coefficients for 2 vertices"),
+        ("[[equality]]\nvertices = [1]\nvalue = [0, inf, 0]", "has the number inf"),
+        ("[[equality]]\nvertex = [1]", "unknown key `vertex`; did you mean `vertices`?"),
+        ("[[obstacle]]\npoint = [0, 0, 0]\nnormal = [0, 0, 0]", "obstacle 0 (0-based)"),
         ("[groups.a\nindices = [1]", "line 1:"),
     ] {
         let message = refusal(text);
@@ -217,4 +233,25 @@ fn files_that_cannot_be_read() {
     assert_eq!(say("/no/such/pins.txt"), "/no/such/pins.txt: no such file; check the path");
     let dir = std::env::temp_dir();
     assert!(say(dir.to_str().unwrap()).contains("it is a folder"));
+}
+
+#[test]
+fn pressures_equalities_and_obstacles_are_read_and_written() {
+    let text = "[groups.p]\nindices = [1, 3, 5]\npressure = 2.5\n\
+                [[equality]]\nvertices = [1, 2, 1]\ncoefficients = [1, -2, 0.5]\nvalue = [0, 1, 0]\n\
+                [[equality]]\nvertices = [4, 0]\n\
+                [[obstacle]]\npoint = [0, -1, 0]\nnormal = [0, 2, 0]\n";
+    let h = handles(text);
+    assert_eq!(h.pressures, [(vec![1, 3, 5], 2.5)]);
+    let row = |nodes: &[(u32, f64)], value| proxel_split::Equality { nodes: nodes.to_vec(), value };
+    assert_eq!(h.equalities[0], row(&[(1, 1.5), (2, -2.0)], [0.0, 1.0, 0.0]));
+    assert_eq!(h.equalities[1], row(&[(0, 1.0), (4, 1.0)], [0.0; 3]));
+    assert_eq!((h.obstacles.len(), h.obstacles[0].normal), (1, [0.0, 2.0, 0.0]));
+    let file = toml(text).unwrap();
+    for name in ["q.toml", "q.json"] {
+        let written = file.to_text(Path::new(name)).unwrap();
+        let again = if name == "q.json" { PinFile::from_json("p.toml", &written) } else { toml(&written) };
+        assert_eq!(again.unwrap(), file, "{written}");
+    }
+    assert!(toml("[[obstacle]]\npoint = [0, 0, 0]\nnormal = [0, 1, 0]").is_ok(), "no groups are needed");
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 /// d^2 E / dx^2 over the free nodes, and its factor in f32 where one is asked for.
 pub struct Hessian {
     matrix: BlockMatrix,
+    form: Vec<f64>,                  // of the quadratic form, slot by slot; empty where there is none
     symbolic: Option<Arc<Symbolic>>, // of the factor
     factor: Option<Cholesky<f32>>,
     scratch: SolveScratch,
@@ -53,12 +54,25 @@ impl Hessian {
                 }
             }
         }
+        if !problem.quadratic.potentials.is_empty() {
+            return Err(SystemError::Factor(
+                "pressure has no second derivatives; take a method without them".to_string(),
+            ));
+        }
         let matrix = BlockMatrix::new(pattern, problem.dim)?;
-        Ok(Hessian { matrix, symbolic: None, factor: None, scratch: SolveScratch::default() })
+        let mut form = Vec::new();
+        if !problem.quadratic.form.is_empty() {
+            form.resize(pattern.nnz(), 0.0);
+            problem.quadratic.form.add_to(pattern, &mut form);
+        }
+        Ok(Hessian { matrix, form, symbolic: None, factor: None, scratch: SolveScratch::default() })
     }
 
     /// The Hessian at x.
-    pub fn assemble(&mut self, problem: &mut Problem, x: &[f64], projection: Projection) {
+    ///
+    /// # Errors
+    /// A problem that is not the one it was made for.
+    pub fn assemble(&mut self, problem: &mut Problem, x: &[f64], projection: Projection) -> Result<(), SystemError> {
         self.matrix.values_mut().fill(0.0);
         for term in &mut problem.terms {
             if let Some(curvature) = term.curvature() {
@@ -68,6 +82,10 @@ impl Hessian {
         for (node, k, _) in &problem.quadratic.springs {
             self.matrix.add_to_diagonal(*node as usize, *k);
         }
+        if !self.form.is_empty() {
+            self.matrix.add_identities(&self.form)?;
+        }
+        Ok(())
     }
 
     /// The matrix as it was assembled.

@@ -165,7 +165,7 @@ impl Newton {
 
     fn by_factor(&mut self) -> Result<CgReport, SystemError> {
         for projection in self.projections().into_iter().flatten() {
-            self.hessian.assemble(&mut self.problem, &self.x, projection);
+            self.hessian.assemble(&mut self.problem, &self.x, projection)?;
             self.factorisations += 1;
             if !self.hessian.factor(&self.normal)? {
                 self.delay(projection);
@@ -217,7 +217,7 @@ impl Newton {
             ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => Projection::Clamp,
             ProjectionRule::TrustRegion => Projection::Absolute,
         };
-        self.hessian.assemble(&mut self.problem, &self.x, projection);
+        self.hessian.assemble(&mut self.problem, &self.x, projection)?;
         // Eisenstat and Walker 1996, choice 2.
         let fall = self.fall();
         let tolerance = (0.9 * fall * fall).clamp(1e-5, 0.1);

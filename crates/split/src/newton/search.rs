@@ -160,6 +160,13 @@ impl Search {
                 }
             }
         }
+        if !problem.quadratic.form.is_empty() {
+            let mut step = vec![0.0; x.len()];
+            step[..n].copy_from_slice(&self.step);
+            let mut force = vec![0.0; n];
+            problem.quadratic.form.value_and_gradient(&step, problem.dim, Some(&mut force));
+            vector::add_scaled(&mut self.rhs, -1.0, &force);
+        }
         normal.solve(&mut self.rhs)?;
         self.warped.clear();
         self.warped.extend_from_slice(x);

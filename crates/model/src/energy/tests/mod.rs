@@ -2,6 +2,7 @@
 
 mod derivatives;
 mod lanes;
+mod limited;
 mod prox;
 
 use super::*;

@@ -1,0 +1,138 @@
+//! Batches by name: what a front end builds from a description. All shapes are compiled here, once.
+
+use super::{Coupling, Density, ElementError, Elements, Linear, Polar, Rest, Shape, Simplex};
+use crate::energy::{Energy, EnergyVisitor, Lame, UnknownEnergy, visit_1d, visit_2d, visit_3d};
+use proxel_split::Term;
+use std::sync::Arc;
+
+/// What the elements of a batch are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BatchShape {
+    /// Tetrahedra.
+    Tetrahedra,
+    /// Triangles in space.
+    Triangles,
+    /// Triangles in the plane.
+    PlanarTriangles,
+    /// Springs in space.
+    Springs,
+    /// Springs in the plane.
+    PlanarSprings,
+}
+
+/// How a batch is split.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BatchWeights {
+    /// Squared base weight over measure, see [`Elements::new`].
+    pub base: f64,
+    /// See [`Elements::with_softening`].
+    pub softening: f64,
+}
+
+/// What a batch is made of.
+pub struct Batch<'a> {
+    /// Its elements.
+    pub shape: BatchShape,
+    /// Rest positions, flat, as many numbers a node as the shape has dimensions.
+    pub positions: &'a [f64],
+    /// Nodes, flat.
+    pub elements: &'a [u32],
+    /// Name of the energy.
+    pub energy: &'a str,
+    /// Its moduli.
+    pub lame: &'a Lame,
+    /// Hard limits of the stretches: 0 < low <= 1 <= high.
+    pub limits: Option<(f64, f64)>,
+    /// Whether the local variable is the stretch of the polar decomposition ([`Polar`]) or F itself ([`Linear`]).
+    pub rotation_aware: bool,
+    /// See [`Elements::with_singular_values`].
+    pub singular_values: bool,
+    /// The weights from the stiffness at rest and the slope fit of the energy.
+    pub weights: &'a dyn Fn(f64, f64) -> BatchWeights,
+}
+
+/// Why there is no such batch.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BatchError {
+    /// An element that cannot be used.
+    Element(ElementError),
+    /// An energy that is not known for the shape.
+    Energy(UnknownEnergy),
+}
+
+impl std::fmt::Display for BatchError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            BatchError::Element(e) => e.fmt(f),
+            BatchError::Energy(e) => e.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for BatchError {}
+
+impl From<ElementError> for BatchError {
+    fn from(e: ElementError) -> Self {
+        BatchError::Element(e)
+    }
+}
+
+impl From<UnknownEnergy> for BatchError {
+    fn from(e: UnknownEnergy) -> Self {
+        BatchError::Energy(e)
+    }
+}
+
+/// The term, and whether its solution has no inverted element ([`Density::is_positive`]).
+///
+/// # Errors
+/// An element that cannot be used, an energy that is not known.
+pub fn batch(of: &Batch<'_>) -> Result<(Box<dyn Term>, bool), BatchError> {
+    match of.shape {
+        BatchShape::Tetrahedra => of.build::<3, 3>(visit_3d(of.energy, of.lame, Erase)?),
+        BatchShape::Triangles => of.build::<3, 2>(visit_2d(of.energy, of.lame, Erase)?),
+        BatchShape::PlanarTriangles => of.build::<2, 2>(visit_2d(of.energy, of.lame, Erase)?),
+        BatchShape::Springs => of.build::<3, 1>(visit_1d(of.energy, of.lame, Erase)?),
+        BatchShape::PlanarSprings => of.build::<2, 1>(visit_1d(of.energy, of.lame, Erase)?),
+    }
+}
+
+/// Forgets the type of an energy.
+struct Erase;
+
+impl<const K: usize> EnergyVisitor<K> for Erase {
+    type Output = Arc<dyn Density<K>>;
+    fn visit<E: Energy<K>>(self, energy: E) -> Arc<dyn Density<K>> {
+        Arc::new(energy)
+    }
+}
+
+impl Batch<'_> {
+    fn build<const D: usize, const K: usize>(
+        &self,
+        energy: Arc<dyn Density<K>>,
+    ) -> Result<(Box<dyn Term>, bool), BatchError>
+    where
+        Simplex: Shape<D, K>,
+        Linear: Coupling<D, K>,
+        Polar: Coupling<D, K>,
+    {
+        let rest = Rest::<D, K>::new(self.positions, self.elements)?;
+        let weights = (self.weights)(energy.rest_stiffness(), energy.slope_stiffness());
+        let positive = energy.is_positive();
+        let term: Box<dyn Term> = match self.rotation_aware {
+            true => Box::new(
+                Elements::<D, K, Polar>::of_density(&rest, energy, weights.base)
+                    .with_singular_values(self.singular_values)
+                    .with_softening(weights.softening)
+                    .with_limits(self.limits),
+            ),
+            false => Box::new(
+                Elements::<D, K, Linear>::of_density(&rest, energy, weights.base)
+                    .with_softening(weights.softening)
+                    .with_limits(self.limits),
+            ),
+        };
+        Ok((term, positive))
+    }
+}
