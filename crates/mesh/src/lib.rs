@@ -6,6 +6,7 @@
 //! elements and [`generate`] makes meshes without files.
 
 pub mod check;
+pub mod embed;
 mod error;
 mod fields;
 pub mod generate;
@@ -14,6 +15,7 @@ mod mesh;
 pub mod refine;
 pub mod topology;
 mod vec3;
+pub mod winding;
 
 pub use error::{ErrorKind, Item, MeshError, Result};
 pub use fields::{Field, Fields};
