@@ -1,12 +1,15 @@
 //! The problem: terms, a quadratic, a start.
 
-use crate::{EnergyReport, LocalReport, PenaltyReport, Term, vector};
+use crate::{EnergyReport, LocalReport, PenaltyReport, PointSpring, Term, vector};
 
-/// f(x) = sum_j k_j/2 |x_j - t_j|^2 - sum_i b_i . x_i + constant: soft springs to targets, and loads.
+/// f(x) = sum_j k_j/2 |x_j - t_j|^2 + sum_p k_p/2 |sum_i w_pi x_i - t_p|^2 - sum_i b_i . x_i + constant: soft springs from
+/// nodes and from points that nodes carry, and loads.
 #[derive(Clone, Debug, Default)]
 pub struct Quadratic {
     /// Soft springs: node, stiffness k_j, and the target t_j in the first `dim` entries.
     pub springs: Vec<(u32, f64, [f64; 3])>,
+    /// Soft springs from points that nodes carry.
+    pub points: Vec<PointSpring>,
     /// Loads b, `n * dim` long, or empty.
     pub loads: Vec<f64>,
     /// A constant, so that values do not depend on where the origin was moved to.
@@ -15,8 +18,11 @@ pub struct Quadratic {
 
 impl Quadratic {
     /// f(x); its gradient over the free nodes is added to `grad` where one is wanted.
-    pub fn value_and_gradient(&self, x: &[f64], dim: usize, grad: Option<&mut [f64]>) -> f64 {
+    pub fn value_and_gradient(&self, x: &[f64], dim: usize, mut grad: Option<&mut [f64]>) -> f64 {
         let mut value = self.constant;
+        for spring in &self.points {
+            value += spring.value_and_gradient(x, dim, grad.as_deref_mut());
+        }
         if !self.loads.is_empty() {
             value -= vector::dot(&self.loads, x);
         }
@@ -126,6 +132,9 @@ impl Problem {
                     "the soft spring at node {node} has stiffness {k} and target {target:?}"
                 )));
             }
+        }
+        for spring in &self.quadratic.points {
+            spring.check(self.n(), self.dim).map_err(ProblemError::NotFinite)?;
         }
         let n = self.n() as u32;
         for (t, term) in self.terms.iter().enumerate() {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use proxel::model::energy::{MaterialError, names};
-use proxel::settings::{AdmmSettings, DeformSettings, Material, MethodName, Schedule};
+use proxel::settings::{AdmmSettings, DeformSettings, Material, MethodName, Schedule, SurfaceModel};
 
 use crate::args::{SolveArgs, vector};
 use crate::refusal::Refusal;
@@ -29,9 +29,10 @@ Examples:
   proxel deform rest.node --init init.node --pins handles.txt --out posed.vtu
   proxel deform body.mesh --pins hands.toml --material stable-neo-hookean --poisson 0.49 \\
       --out posed.ply --preview posed.png --report report.json
+  proxel deform bunny.obj --pins ears.toml --resolution 32 --out posed.glb --preview posed.png
   proxel deform beam.msh --pins wall.toml --density 1000 --gravity 0,-9.81,0 --out sag.vtu")]
 pub struct DeformArgs {
-    /// The body at rest: tetrahedra, or triangles, or edges.
+    /// The body at rest: tetrahedra, or a surface, or edges.
     #[arg(value_name = "REST", required_unless_present = "show_settings")]
     pub rest: Option<PathBuf>,
     /// Where vertices start, in the order of REST. Without it pinned vertices go to their targets
@@ -45,6 +46,8 @@ pub struct DeformArgs {
     #[arg(long, value_name = "FILE")]
     pub reference: Option<PathBuf>,
     #[command(flatten)]
+    pub surface: SurfaceArgs,
+    #[command(flatten)]
     pub solve: SolveArgs,
     #[command(flatten)]
     pub material: MaterialArgs,
@@ -53,6 +56,27 @@ pub struct DeformArgs {
     /// Turn tetrahedra of negative volume instead of refusing them.
     #[arg(long)]
     pub fix_orientation: bool,
+}
+
+/// What a surface is taken for.
+#[derive(Args)]
+#[command(next_help_heading = "Surfaces (faces without tetrahedra)")]
+pub struct SurfaceArgs {
+    /// The surface is the skin of a body: a lattice of tetrahedra around it is deformed and carries it.
+    /// The default where it is nearly closed; holes and self-intersections do no harm.
+    #[arg(long, conflicts_with = "shell")]
+    pub embed: bool,
+    /// Cells of that lattice along the longest side of the surface; asks for --embed.
+    #[arg(long, value_name = "N", conflicts_with = "shell",
+          help = format!("Cells of that lattice along the longest side of the surface; asks for --embed [default: {}]",
+                         DeformSettings::default().resolution))]
+    pub resolution: Option<usize>,
+    /// The surface is a thin sheet: its faces are elements.
+    #[arg(long)]
+    pub shell: bool,
+    /// The deformed lattice with its fields; .vtu carries all of it.
+    #[arg(long, value_name = "FILE", conflicts_with = "shell")]
+    pub lattice_out: Option<PathBuf>,
 }
 
 /// What the body is made of.
@@ -172,6 +196,12 @@ impl DeformArgs {
         s.density = m.density;
         s.gravity = m.gravity.unwrap_or(s.gravity);
         s.fix_orientation = self.fix_orientation;
+        s.surface = match (self.surface.shell, self.surface.embed || self.surface.resolution.is_some()) {
+            (true, _) => SurfaceModel::Shell,
+            (_, true) => SurfaceModel::Embed,
+            _ => s.surface,
+        };
+        s.resolution = self.surface.resolution.unwrap_or(s.resolution);
         s.tol = self.solve.tol;
         s.max_iters = self.solve.max_iters;
         s.time_limit = self.solve.time_limit;

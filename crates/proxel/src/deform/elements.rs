@@ -142,10 +142,12 @@ where
     }
 }
 
-/// The elements `chosen` of `cells` as a batch over flat positions `x` at rest; `number` renumbers vertices.
+/// The elements `chosen` of `cells` as a batch over flat positions `x` at rest; `number` renumbers vertices, `fill` is the
+/// part of every element that is material.
 pub(super) fn build(
     cells: &Cells,
     chosen: &[usize],
+    fill: Option<&[f64]>,
     number: &[u32],
     x: &[f64],
     material: &Material,
@@ -168,9 +170,10 @@ pub(super) fn build(
     };
     let unknown = |e: proxel_model::energy::UnknownEnergy| DeformError(format!("{e} (--material)"));
     let energy = material.energy.as_str();
+    let part = |e: usize| fill.map_or(1.0, |f| f[chosen[e]]);
     match cells {
         Cells::Tets(_) => {
-            let rest = Rest::<3, 3>::new(x, &elements).map_err(refuse)?;
+            let rest = Rest::<3, 3>::new(x, &elements).and_then(|r| r.filled(part)).map_err(refuse)?;
             visit_3d(energy, &lame, Build { rest: &rest, settings }).map_err(unknown)
         }
         Cells::Triangles(_) => {

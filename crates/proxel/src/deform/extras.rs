@@ -54,6 +54,9 @@ impl Extras {
 /// # Errors
 /// As [`super::deform`].
 pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformation) -> Result<Extras, DeformError> {
+    if let Some(carried) = &result.carried {
+        return carried.extras(input, settings, result);
+    }
     let mesh = &input.rest;
     let n = mesh.n_verts();
     let cells =
@@ -87,7 +90,8 @@ pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformati
         let name = material.energy.as_str();
         match &cells {
             Cells::Tets(_) => {
-                let rest = Rest::<3, 3>::new(&rest, &corners).map_err(refuse)?;
+                let part = |e: usize| input.fill.as_ref().map_or(1.0, |f| f[chosen[e]]);
+                let rest = Rest::<3, 3>::new(&rest, &corners).and_then(|r| r.filled(part)).map_err(refuse)?;
                 visit_3d(name, &lame, Fill { rest: &rest, x: &x, chosen: &chosen, out: &mut out, forces: &mut forces })
                     .map_err(unknown)?;
             }

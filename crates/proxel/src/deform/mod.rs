@@ -5,20 +5,23 @@
 
 mod body;
 mod elements;
+mod embedded;
 mod extras;
 mod start;
 mod watch;
 
 pub use body::Body;
+pub use embedded::{Carried, Carrier};
 pub use extras::{Extras, extras};
 pub use watch::{Hooks, Progress};
 
 use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
+use embedded::Carrying;
 use proxel_mesh::Mesh;
 use proxel_split::{
-    Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome, Problem,
-    Residuals, Status,
+    Admm, AdmmSettings, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Outcome,
+    PointSpring, Problem, Residuals, Status,
 };
 use std::time::Instant;
 
@@ -35,6 +38,10 @@ pub struct DeformInput {
     pub soft: Vec<(u32, [f64; 3], f64)>,
     /// Forces on vertices.
     pub loads: Vec<(u32, [f64; 3])>,
+    /// Springs from points that vertices carry, such as those of a surface in a lattice; weights add up to 1.
+    pub ties: Vec<PointSpring>,
+    /// The part of each tetrahedron that is material, above 0 and at most 1; everything without it.
+    pub fill: Option<Vec<f64>>,
     /// Positions to measure the position error against; they change nothing.
     pub reference: Option<Vec<[f64; 3]>>,
 }
@@ -70,9 +77,13 @@ pub struct Deformation {
     pub report: Report,
     /// The tetrahedra that were used, where orientations were repaired.
     pub repaired_tets: Option<Vec<[u32; 4]>>,
+    /// The lattice that carried it, where the input was the skin of a body.
+    pub carried: Option<Box<Carried>>,
 }
 
 /// Minimises the deformation energy of `input` and says how it went. What it returns holds for the positions as returned.
+/// A surface that bounds a body is carried by a lattice of tetrahedra, see [`Carrier`]; energy and stretches are then
+/// those of the lattice.
 ///
 /// # Errors
 /// Input that describes no problem. A run that does not converge is no error: see [`Deformation::status`].
@@ -88,7 +99,14 @@ pub fn deform(
         .build()
         .map_err(|e| DeformError(format!("{threads} threads cannot be started: {e}")))?;
     // The hooks stay on this thread's side of the pool: they are moved in and run there one at a time.
-    pool.install(|| deform_here(input, settings, hooks, threads))
+    pool.install(|| match Carrier::of(input, settings)? {
+        Carrying::Body(carrier) => carrier.deform(input, settings, hooks, threads),
+        Carrying::No { warning } => {
+            let mut result = deform_here(input, settings, hooks, threads)?;
+            result.report.warnings.extend(warning);
+            Ok(result)
+        }
+    })
 }
 
 fn deform_here(
@@ -141,8 +159,10 @@ fn deform_here(
         peak_bytes: None,
         factor_bytes: Some(run.factor_bytes),
         threads,
+        lattice: None,
     };
-    Ok(Deformation { positions, start, status: outcome.status, report, repaired_tets: body.repaired_tets() })
+    let repaired_tets = body.repaired_tets();
+    Ok(Deformation { positions, start, status: outcome.status, report, repaired_tets, carried: None })
 }
 
 fn finite(v: f64) -> Option<f64> {

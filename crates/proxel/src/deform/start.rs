@@ -4,18 +4,20 @@ use super::DeformError;
 use super::elements::Cells;
 use proxel_model::elements::{Coupling, Elements, Linear, Rest, Shape, Simplex};
 use proxel_model::energy::Arap;
-use proxel_split::{NormalMatrix, Problem, Quadratic, Term, vector};
+use proxel_split::{NormalMatrix, PointSpring, Problem, Quadratic, Term, vector};
 
 /// The free vertices follow the fixed ones harmonically: the displacement of least Dirichlet energy, which is the one step
-/// of a linear coupling whose local variables are all at rest.
+/// of a linear coupling whose local variables are all at rest. They also follow what draws at `points`, whose stiffness is
+/// here that of springs in a material of modulus 1.
 pub(super) fn smooth(
     cells: &Cells,
     number: &[u32],
     rest: &[f64],
     x0: Vec<f64>,
     n_free: usize,
+    points: Vec<PointSpring>,
 ) -> Result<Vec<f64>, DeformError> {
-    let moved = rest.iter().zip(&x0).any(|(a, b)| a != b);
+    let moved = rest.iter().zip(&x0).any(|(a, b)| a != b) || !points.is_empty();
     if !moved || n_free == 0 {
         return Ok(x0);
     }
@@ -25,8 +27,14 @@ pub(super) fn smooth(
         Cells::Triangles(_) => linear::<3, 2>(corners.corners(), rest)?,
         Cells::Springs(_) => linear::<3, 1>(corners.corners(), rest)?,
     };
-    let mut problem =
-        Problem { dim: 3, n_free, x0, terms: vec![term], quadratic: Quadratic::default(), barrier: false };
+    let mut problem = Problem {
+        dim: 3,
+        n_free,
+        x0,
+        terms: vec![term],
+        quadratic: Quadratic { points, ..Default::default() },
+        barrier: false,
+    };
     let refuse = |e: proxel_split::SystemError| DeformError(e.to_string());
     let mut normal = NormalMatrix::new(&problem).map_err(refuse)?;
     let mut x = problem.x0.clone();
