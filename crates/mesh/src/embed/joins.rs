@@ -10,9 +10,9 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Two sheets of the surface, in front of each other, in one piece of a cell, though far apart along the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Join {
-    /// A triangle of one sheet.
+    /// A face of one sheet.
     pub a: u32,
-    /// A triangle of the other.
+    /// A face of the other.
     pub b: u32,
     /// Where: the middle of the cell.
     pub place: [f64; 3],
@@ -25,7 +25,7 @@ struct Sheet {
     middle: V3, // of its voxels
 }
 
-/// One join for each piece that has any, in the order of cells.
+/// One join for each piece that has any, in the order of cells; `a` and `b` are still triangles.
 pub(super) fn find(
     grid: &Grid,
     pieces: &Pieces,

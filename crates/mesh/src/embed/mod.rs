@@ -112,7 +112,16 @@ pub fn embed(mesh: &Mesh, resolution: usize) -> Result<Embedding> {
     let homes = homes(&grid, &local, |v| !at_vertex.row(v).is_empty());
     let cells = cells(&grid, &inside, &touched, &homes);
     let mut pieces = Pieces::new(&grid, &cells);
-    let joins = joins::find(&grid, &pieces, &touched, &mesh.points, &triangles, &at_vertex);
+    let mut joins = joins::find(&grid, &pieces, &touched, &mesh.points, &triangles, &at_vertex);
+    let face_of: Vec<u32> = mesh
+        .faces
+        .iter()
+        .enumerate()
+        .flat_map(|(i, f)| std::iter::repeat_n(i as u32, f.len().saturating_sub(2)))
+        .collect();
+    for join in &mut joins {
+        (join.a, join.b) = (face_of[join.a as usize], face_of[join.b as usize]);
+    }
 
     let piece_of: Vec<Option<usize>> =
         homes.iter().map(|h| h.and_then(|(cell, voxel)| pieces.with_voxel(cell, voxel))).collect();

@@ -122,7 +122,7 @@ fn what_is_wrong_is_named() {
     refused(Malformed, "two parents", |r| r["nodes"] = json!([{ "children": [1] }, { "children": [0, 1] }]));
     refused(Malformed, "in the scene twice", |r| r["scenes"][0]["nodes"] = json!([0, 0]));
     refused(Malformed, "twice", |r| r["nodes"][0]["children"] = json!([0]));
-    refused(ErrorKind::NonFinite, "node 0", |r| r["nodes"][0]["scale"] = json!([1e308, 1e308, 1e308]));
+    refused(ErrorKind::NonFinite, "node 0", |r| r["nodes"][0]["rotation"] = json!([1e200, 1e200, 0, 0]));
     // The third vertex of the buffer as positions of indices: the last index is 2 of two vertices.
     refused(IndexOutOfRange, "index 2", |r| r["accessors"][0]["count"] = json!(2));
     let e = parse("f.gltf", b"{ \"asset\": \n [ }").unwrap_err();

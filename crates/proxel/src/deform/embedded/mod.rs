@@ -12,9 +12,9 @@ use crate::settings::{DeformSettings, SurfaceModel};
 use proxel_mesh::Mesh;
 use proxel_mesh::embed::{Embedding, NEARLY_CLOSED, embed, mesh_closedness};
 
-/// A pinned vertex of the surface counts as held where it is to be within this part of the bounding box's diagonal, and
-/// is then put there exactly.
-const HELD: f64 = 1e-6;
+/// A pinned vertex of the surface that comes within this part of the bounding box's diagonal of where it is to be is put
+/// there exactly: that is how far stiff springs yield. What is farther away the lattice cannot reach.
+const HELD: f64 = 1e-4;
 
 /// A surface in its lattice: turns what holds and loads the surface into what holds and loads the lattice, and positions
 /// of the lattice into those of the surface.
