@@ -1,10 +1,11 @@
 //! What a lattice knows of the surface that it carried: strains, stresses, forces at pins.
 
 use super::super::extras;
-use super::{DeformError, DeformInput, DeformSettings, Deformation};
+use super::{Carrier, DeformError, DeformInput, DeformSettings, Deformation};
 use crate::deform::Extras;
 use proxel_mesh::embed::Embedding;
 use proxel_mesh::{Fields, Mesh};
+use proxel_split::PointSpring;
 
 /// The lattice that carried a surface, and how it is deformed.
 #[derive(Clone, Debug)]
@@ -14,6 +15,7 @@ pub struct Carried {
     pub(super) input: DeformInput,
     pub(super) settings: DeformSettings,
     pub(super) result: Box<Deformation>,
+    pub(super) springs: Vec<u32>, // the vertices that the first of the ties hold
 }
 
 impl Carried {
@@ -57,11 +59,18 @@ impl Carried {
             out.energy_density.push(lattice.energy_density[t]);
             out.von_mises.push(lattice.von_mises[t]);
         }
-        // The springs of pins come first among the ties, in the order of the pins that have a tetrahedron.
-        let held = input.fixed.iter().filter(|(v, _)| self.embedding.tet_of[*v as usize].is_some());
         let x = self.result.positions.as_flattened();
-        for ((v, _), tie) in held.zip(&self.input.ties) {
-            out.reaction[*v as usize] = tie.gap(x, 3).map(|g| tie.stiffness * g);
+        let mut ties = Vec::new();
+        for &(v, target) in &input.fixed {
+            let Some((nodes, weights)) = self.embedding.at(v as usize) else { continue };
+            ties.push((v, PointSpring { nodes, weights, target, stiffness: 0.0 }));
+        }
+        let fixed = self.input.fixed.iter().map(|(n, _)| (*n, lattice.reaction[*n as usize]));
+        Carrier::shared(&ties, fixed, &mut out.reaction);
+        // Springs of pins come first among the ties, by vertex in the order of what was pinned.
+        for (v, tie) in self.springs.iter().zip(&self.input.ties) {
+            let gap = tie.gap(x, 3);
+            (0..3).for_each(|d| out.reaction[*v as usize][d] += tie.stiffness * gap[d]);
         }
         input.fixed.iter().for_each(|(v, _)| out.pinned[*v as usize] = 1.0);
         Ok(out)

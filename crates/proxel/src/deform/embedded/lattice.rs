@@ -7,8 +7,9 @@ use proxel_split::PointSpring;
 use std::collections::BTreeMap;
 
 /// Stiffness of all pins in a tetrahedron together, in units of what squeezes its cell: modulus times side. A force that
-/// strains a cell by half moves its pins by half a millionth of a cell.
-const PIN: f64 = 1e6;
+/// strains a cell by half moves its pins by 5e-5 of a cell. Stiffer springs would drown the gradient in the rounding of
+/// positions.
+const PIN: f64 = 1e4;
 /// The same for the springs that make the lattice follow a start of the surface. Only the start hangs on it.
 const START: f64 = 1e2;
 
@@ -25,17 +26,23 @@ impl Carrier {
     ) -> Result<(DeformInput, DeformSettings), DeformError> {
         let modulus = settings.material.modulus().map_err(|e| DeformError(e.to_string()))?;
         let unit = modulus * self.embedding.cell;
-        let mut ties = self.stiff(input.fixed.iter().map(|&(v, t)| (v as usize, t)), PIN * unit);
+        let held = self.held(&input.rest.points, &input.fixed);
+        let mut ties = self.stiff(held.springs.iter().map(|&(v, t)| (v as usize, t)), PIN * unit);
         for &(v, target, k) in &input.soft {
             ties.extend(self.tie(v as usize, target, k));
         }
         let start = match &input.start {
             None => None,
-            Some(points) => Some(self.start(points, &ties, modulus)?),
+            Some(points) => {
+                let mut start = self.start(points, &ties, modulus)?;
+                held.nodes.iter().for_each(|(n, place)| start[*n as usize] = *place);
+                Some(start)
+            }
         };
         let lattice = DeformInput {
             rest: self.embedding.lattice.clone(),
             start,
+            fixed: held.nodes,
             ties,
             loads: self.loads(input, settings),
             fill: Some(self.embedding.fill.clone()),

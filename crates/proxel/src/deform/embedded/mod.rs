@@ -1,6 +1,7 @@
 //! Surfaces of bodies: a lattice of tetrahedra around the surface is deformed, and carries it.
 
 mod carried;
+mod hold;
 mod lattice;
 
 pub use carried::Carried;
@@ -13,13 +14,14 @@ use proxel_mesh::Mesh;
 use proxel_mesh::embed::{Embedding, NEARLY_CLOSED, embed, mesh_closedness};
 
 /// A pinned vertex of the surface that comes within this part of the bounding box's diagonal of where it is to be is put
-/// there exactly: that is how far stiff springs yield. What is farther away the lattice cannot reach.
+/// there exactly: stiff springs yield less. What is farther away the lattice cannot reach.
 const HELD: f64 = 1e-4;
 
 /// A surface in its lattice: turns what holds and loads the surface into what holds and loads the lattice, and positions
 /// of the lattice into those of the surface.
 ///
-/// A vertex of the surface is a fixed combination of four nodes, so a pin becomes a stiff spring from that combination to
+/// Where pins move rigidly, as those of a handle do, the nodes of their tetrahedra are fixed and move with them. A vertex
+/// of the surface is a fixed combination of four nodes, so any other pin becomes a stiff spring from that combination to
 /// its target ([`DeformInput::ties`]), a load is shared out among the nodes, and so is the weight of each tetrahedron.
 /// Energy and mass of a tetrahedron are those of the part of its cell that is inside the surface.
 pub struct Carrier {
@@ -147,7 +149,9 @@ impl Carrier {
             pin_error,
         });
         let status = inner.status;
+        let springs = self.held(&input.rest.points, &input.fixed).springs.iter().map(|s| s.0).collect();
         let carried = Carried {
+            springs,
             embedding: self.embedding,
             input: lattice_input,
             settings: lattice_settings,
