@@ -100,9 +100,9 @@ fn the_lattice_follows_a_start_of_the_surface() {
     let result = run(&with_start, &DeformSettings { max_iters: 0, ..settings(15) });
     let used = |v: &usize| input.rest.faces.indices().contains(&(*v as u32));
     for v in (0..start.len()).filter(used) {
-        // Within a tenth of a cell: a lattice is straight between its nodes, the start is not.
+        // A lattice is straight between its nodes and its held cells move rigidly; the start turns by 1/15 in each cell.
         let gap = farthest(&[result.start[v]], &[start[v]]);
-        assert!(gap < 0.02, "vertex {v}: {gap}");
+        assert!(gap < 0.2 / 15.0 * 2.0, "vertex {v}: {gap}");
     }
     // Both starts lead to the same minimum.
     let (a, b) = (run(&input, &settings(15)), run(&with_start, &settings(15)));
