@@ -113,7 +113,7 @@ fn pose(name: &str, pins: &str, resolution: usize) {
 }
 
 #[test]
-fn the_bunny_lays_back_its_ears() {
+fn the_bunny_pricks_up_its_ears() {
     let ears = "[groups.foot]\nplane = { point = [0, 0.04, 0], normal = [0, -1, 0] }\n\
                 [groups.ears]\nplane = { point = [0, 0.165, 0], normal = [0, 1, 0] }\n\
                 rotate = { axis = [0, 0, 1], angle = 35, center = [-0.06, 0.13, 0] }\n";

@@ -20,7 +20,7 @@ pub fn closedness(points: &[[f64; 3]], triangles: &[[u32; 3]], tree: &WindingTre
         let [a, b, c]: [V3; 3] = t.map(|v| points[v as usize]);
         let n = cross(sub(b, a), sub(c, a));
         let area = norm(n);
-        if !(area > 0.0) {
+        if area.is_nan() || area <= 0.0 {
             return (0.0, 0.0);
         }
         let middle = scale(1.0 / 3.0, add(a, add(b, c)));

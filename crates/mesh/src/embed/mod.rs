@@ -102,7 +102,7 @@ pub fn embed(mesh: &Mesh, resolution: usize) -> Result<Embedding> {
         return Err(mesh.error(ErrorKind::ZeroVolume, what, "give a surface with vertices in different places"));
     }
     let inside = Inside::new(&mesh.points, &triangles);
-    if !(inside.closedness >= LEAST_CLOSED) {
+    if inside.closedness.is_nan() || inside.closedness < LEAST_CLOSED {
         return Err(no_inside(mesh, inside.closedness));
     }
     let grid = Grid::new(ends, resolution);

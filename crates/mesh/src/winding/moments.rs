@@ -78,7 +78,7 @@ impl Moments {
         let r = sub(self.center, q);
         let r2 = dot(r, r);
         let near = ratio * self.radius;
-        if !(r2 > near * near) {
+        if r2.is_nan() || r2 <= near * near {
             return None;
         }
         let inverse = 1.0 / r2;

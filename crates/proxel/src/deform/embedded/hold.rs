@@ -30,7 +30,7 @@ impl Carrier {
             let pairs: Vec<(V3, V3)> = set.iter().map(|&i| (rest[fixed[i].0 as usize], fixed[i].1)).collect();
             let motion = Motion::fit(&pairs);
             let gap = |(p, t): &(V3, V3)| super::distance(motion.apply(*p), *t);
-            if pairs.iter().any(|pair| !(gap(pair) <= FITS * self.diagonal)) {
+            if pairs.iter().any(|pair| gap(pair).is_nan() || gap(pair) > FITS * self.diagonal) {
                 out.springs.extend(set.iter().map(|&i| fixed[i]));
                 continue;
             }
