@@ -28,7 +28,7 @@ Examples:
 
 Exit status: 0 converged or done, 1 failed, 2 bad input, 3 stopped before convergence, 130 cancelled.
 Mesh formats, by extension: TetGen .node/.ele, Medit .mesh, Gmsh .msh, .vtk, .vtu, .obj, .ply, .stl,
-.off; positions also as .npy. Indices are 0-based everywhere, in file order.";
+.off, .gltf, .glb; positions also as .npy. Indices are 0-based everywhere, in file order.";
 
 #[derive(Subcommand)]
 pub enum Command {

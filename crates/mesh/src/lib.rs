@@ -3,9 +3,11 @@
 //! A [`Mesh`] is what a file says, 0-based and in file order; nothing is renumbered, merged or
 //! repaired behind the user's back. [`read_mesh`] and [`write_mesh`] pick the format by extension,
 //! [`check`] finds what is wrong with a mesh, [`topology`] who touches whom, [`refine`] splits
-//! elements and [`generate`] makes meshes without files.
+//! elements, [`generate`] makes meshes without files, [`winding`] tells inside from outside, [`embed`] puts any
+//! surface into a lattice of tetrahedra, and [`write_series`] writes meshes in motion.
 
 pub mod check;
+pub mod embed;
 mod error;
 mod fields;
 pub mod generate;
@@ -14,11 +16,12 @@ mod mesh;
 pub mod refine;
 pub mod topology;
 mod vec3;
+pub mod winding;
 
 pub use error::{ErrorKind, Item, MeshError, Result};
 pub use fields::{Field, Fields};
 pub use io::{
-    Format, atomic_write, check_output, check_writable, not_carried, parse_mesh, read_mesh, read_mesh_lenient,
-    read_points, write_mesh,
+    Format, Frame, atomic_write, check_output, check_series_output, check_writable, not_carried, parse_mesh, read_mesh,
+    read_mesh_lenient, read_points, write_mesh, write_series,
 };
 pub use mesh::{Mesh, Polygons};

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use proxel_mesh::check::{check_tets, require_volumes};
+use proxel_mesh::embed::embed;
 use proxel_mesh::refine::refine;
 use proxel_mesh::topology::{mesh_components, tet_faces};
 use proxel_mesh::{read_mesh, read_points};
@@ -92,4 +93,39 @@ fn surfaces_keep_their_polygons() {
     assert_eq!((box768.points.len(), box768.tets.len()), (413, 1175));
     let horse759 = read_mesh(&root.join("simulation/horse759.ele")).unwrap();
     assert_eq!((horse759.points.len(), horse759.tets.len()), (962, 3221));
+}
+
+/// Surface, and its vertices, all of which must find a tetrahedron.
+const SURFACES: [(&str, usize); 6] = [
+    ("spot", 2930),
+    ("stanford-bunny", 35947),
+    ("suzanne", 507),
+    ("cheburashka", 6669),
+    ("fandisk", 6475),
+    ("teapot", 3644),
+];
+
+#[test]
+fn surfaces_are_embedded() {
+    let Some(folder) = data("surfaces") else { return };
+    for (name, n_verts) in SURFACES {
+        let mesh = read_mesh(&folder.join(format!("{name}.obj"))).unwrap();
+        assert_eq!(mesh.n_verts(), n_verts, "{name}");
+        let e = embed(&mesh, 24).unwrap();
+        println!(
+            "{name}: closed {:.3}, {} tetrahedra, {} joins, {} unreferenced",
+            e.closedness,
+            e.lattice.tets.len(),
+            e.joins.len(),
+            e.tet_of.iter().filter(|t| t.is_none()).count()
+        );
+        require_volumes(&e.lattice).unwrap();
+        let unused = mesh_components(&mesh).unreferenced().count();
+        assert_eq!(e.tet_of.iter().filter(|t| t.is_none()).count(), unused, "{name}");
+        let back = e.carry(&e.lattice.points, &mesh.points);
+        let size = e.cell * 24.0;
+        for (p, q) in mesh.points.iter().zip(&back) {
+            assert!((0..3).all(|d| (p[d] - q[d]).abs() < 1e-12 * size), "{name}");
+        }
+    }
 }

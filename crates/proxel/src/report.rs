@@ -75,6 +75,27 @@ pub struct Report {
     /// it.
     #[serde(default)]
     pub reactions: BTreeMap<String, [f64; 3]>,
+    /// The lattice, where a surface was carried by one.
+    pub lattice: Option<LatticeReport>,
+}
+
+/// The lattice of tetrahedra that carried a surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LatticeReport {
+    /// Cells along the longest side of the surface's bounding box.
+    pub resolution: usize,
+    /// The length of a cell's side.
+    pub cell: f64,
+    /// Its nodes.
+    pub nodes: usize,
+    /// Its tetrahedra, six a cell.
+    pub tetrahedra: usize,
+    /// The mean winding number at the surface: 0.5 where it is closed, 0 for an open plane.
+    pub closedness: f64,
+    /// Cells that join what the surface parts.
+    pub joined_cells: usize,
+    /// The largest distance of a pinned vertex from where it is to be, over the diagonal of the bounding box.
+    pub pin_error: f64,
 }
 
 /// One row of the trace: the state after `iteration` iterations.

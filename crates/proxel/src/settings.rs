@@ -411,6 +411,28 @@ impl Material {
             (None, None) => Lame::from_young_poisson(self.young, self.poisson),
         }
     }
+
+    /// Its P-wave modulus lambda + 2 mu, the stiffness against squeezing.
+    ///
+    /// # Errors
+    /// As [`lame`](Self::lame).
+    pub fn modulus(&self) -> Result<f64, MaterialError> {
+        let lame = self.lame()?;
+        Ok(lame.lambda() + 2.0 * lame.mu())
+    }
+}
+
+/// What a mesh of faces without tetrahedra is taken for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SurfaceModel {
+    /// The skin of a body where it is nearly closed, else a thin sheet.
+    #[default]
+    Auto,
+    /// The skin of a body, carried by a lattice of tetrahedra.
+    Embed,
+    /// A thin sheet: its faces are the elements.
+    Shell,
 }
 
 /// All settings of `deform`.
@@ -452,6 +474,10 @@ pub struct DeformSettings {
     pub mixed: bool,
     /// Swap two vertices of elements of negative volume (in the plane: area) instead of refusing them.
     pub fix_orientation: bool,
+    /// What a surface is taken for.
+    pub surface: SurfaceModel,
+    /// Cells of the lattice around a surface, along the longest side of its bounding box.
+    pub resolution: usize,
     /// Converged when |g| <= tol min(|g(X0)|, characteristic gradient); with hard limits, when primal and dual residual are
     /// at most this.
     pub tol: f64,
@@ -491,6 +517,8 @@ impl DeformSettings {
             planar: false,
             mixed: false,
             fix_orientation: false,
+            surface: SurfaceModel::default(),
+            resolution: 24,
             tol: 1e-9,
             patch_tol: None,
             max_iters: 5000,
@@ -553,6 +581,10 @@ impl DeformSettings {
         }
         if self.planar && self.bending > 0.0 {
             return Err("what is planar does not bend; leave --bending or --planar out".to_string());
+        }
+        if !(1..=proxel_mesh::embed::MOST_RESOLUTION).contains(&self.resolution) {
+            let most = proxel_mesh::embed::MOST_RESOLUTION;
+            return Err(format!("resolution is {}; give a number of cells from 1 to {most}", self.resolution));
         }
         if let Some(t) = self.time_limit.filter(|t| *t < 0.0 || t.is_nan()) {
             return Err(format!("time_limit is {t}; it must be a number of seconds"));

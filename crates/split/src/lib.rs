@@ -29,6 +29,7 @@ mod line_search;
 mod method;
 mod newton;
 mod pairs;
+mod points;
 mod potential;
 mod problem;
 mod progress;
@@ -57,6 +58,7 @@ pub use newton::{
     Cg, CgEnd, CgReport, FactorCost, Found, Hessian, LinearSolver, Newton, NewtonSettings, ProjectionRule, Search,
 };
 pub use pairs::Pairs;
+pub use points::PointSpring;
 pub use potential::Potential;
 pub use problem::{Problem, ProblemError, Quadratic};
 pub use progress::NoProgress;

@@ -1,16 +1,21 @@
 //! The problem: terms, a quadratic, a start.
 
-use crate::{EnergyReport, Equalities, LocalReport, PenaltyReport, Potential, SymmetricForm, Term, vector};
+use crate::{
+    EnergyReport, Equalities, LocalReport, PenaltyReport, PointSpring, Potential, SymmetricForm, Term, vector,
+};
 use proxel_linalg::sparse::SymPattern;
 use std::sync::Arc;
 
-/// f(x) = sum_j k_j/2 |x_j - t_j|^2 - sum_i b_i . x_i + 1/2 sum_c x_c^T K x_c + constant: soft springs to targets, loads,
-/// and a quadratic form in each coordinate c; beside it what else is not split: smooth potentials, and linear equalities,
+/// f(x) = sum_j k_j/2 |x_j - t_j|^2 + sum_p k_p/2 |sum_i w_pi x_i - t_p|^2 - sum_i b_i . x_i + 1/2 sum_c x_c^T K x_c
+/// + constant: soft springs from nodes and from points that nodes carry, loads, and a quadratic form in each coordinate c;
+/// beside it what else is not split: smooth potentials, and linear equalities,
 /// which hold exactly.
 #[derive(Clone, Debug, Default)]
 pub struct Quadratic {
     /// Soft springs: node, stiffness k_j, and the target t_j in the first `dim` entries.
     pub springs: Vec<(u32, f64, [f64; 3])>,
+    /// Soft springs from points that nodes carry.
+    pub points: Vec<PointSpring>,
     /// Loads b, `n * dim` long, or empty.
     pub loads: Vec<f64>,
     /// K over all nodes, such as the bending of thin sheets; or empty.
@@ -25,8 +30,11 @@ pub struct Quadratic {
 
 impl Quadratic {
     /// f(x); its gradient over the free nodes is added to `grad` where one is wanted.
-    pub fn value_and_gradient(&self, x: &[f64], dim: usize, grad: Option<&mut [f64]>) -> f64 {
+    pub fn value_and_gradient(&self, x: &[f64], dim: usize, mut grad: Option<&mut [f64]>) -> f64 {
         let mut value = self.constant;
+        for spring in &self.points {
+            value += spring.value_and_gradient(x, dim, grad.as_deref_mut());
+        }
         if !self.loads.is_empty() {
             value -= vector::dot(&self.loads, x);
         }
@@ -152,6 +160,9 @@ impl Problem {
         }
         if !self.quadratic.form.is_finite() {
             return Err(ProblemError::NotFinite("an entry of the quadratic form is not finite".to_string()));
+        }
+        for spring in &self.quadratic.points {
+            spring.check(self.n(), self.dim).map_err(ProblemError::NotFinite)?;
         }
         let n = self.n() as u32;
         for (t, term) in self.terms.iter().enumerate() {

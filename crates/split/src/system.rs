@@ -130,6 +130,14 @@ impl NormalMatrix {
                 self.values[slot] += k;
             }
         }
+        let (pattern, values) = (&self.pattern, &mut self.values);
+        for spring in &problem.quadratic.points {
+            spring.for_each_entry(problem.n_free, &mut |i, j, entry| {
+                if let Some(slot) = pattern.slot(i, j) {
+                    values[slot] += entry;
+                }
+            });
+        }
         problem.quadratic.form.add_to(&self.pattern, &mut self.values);
         let in_single = match &mut self.factor {
             Factor::Single(factor) => factor.refactor(&self.values).is_ok(),
@@ -215,7 +223,7 @@ impl NormalMatrix {
     }
 }
 
-/// Every pair of free nodes that share an element or have an entry of the quadratic form.
+/// Every pair of free nodes that share an element or a point, or have an entry of the quadratic form.
 fn pattern_of(problem: &Problem) -> Result<SymPattern, SystemError> {
     let free = problem.n_free as u32;
     let mut flat: Vec<u32> = Vec::new();
@@ -232,6 +240,10 @@ fn pattern_of(problem: &Problem) -> Result<SymPattern, SystemError> {
             ends.push(flat.len());
         }
     });
+    for spring in &problem.quadratic.points {
+        flat.extend(spring.nodes.iter().filter(|node| **node < free));
+        ends.push(flat.len());
+    }
     let cliques: Vec<&[u32]> = ends.windows(2).map(|w| &flat[w[0]..w[1]]).collect();
     Ok(SymPattern::from_cliques(problem.n_free, &cliques)?)
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use proxel::model::energy::{MaterialError, names};
-use proxel::settings::{DeformSettings, Material, MethodName, ProjectionName, Schedule};
+use proxel::settings::{DeformSettings, Material, MethodName, ProjectionName, Schedule, SurfaceModel};
 
 use crate::args::{SolveArgs, pair, six, vector};
 use crate::refusal::Refusal;
@@ -39,11 +39,12 @@ Examples:
   proxel deform rest.node --init init.node --pins handles.txt --out posed.vtu
   proxel deform body.mesh --pins hands.toml --material stable-neo-hookean --poisson 0.49 \\
       --out posed.ply --preview posed.png --report report.json
+  proxel deform bunny.obj --pins ears.toml --resolution 32 --out posed.glb --preview posed.png
   proxel deform beam.msh --pins wall.toml --density 1000 --gravity 0,-9.81,0 --out sag.vtu
   proxel deform cloth.obj --pins corners.txt --material arap --young 100 --strain-limit 0.95,1.05 --bending 1e-5 \
       --density 0.2 --gravity 0,0,-9.81 --out draped.vtu")]
 pub struct DeformArgs {
-    /// The body at rest: tetrahedra, or triangles, or edges.
+    /// The body at rest: tetrahedra, or a surface, or edges.
     #[arg(value_name = "REST", required_unless_present = "show_settings")]
     pub rest: Option<PathBuf>,
     /// Where vertices start, in the order of REST. Without it pinned vertices go to their targets
@@ -57,6 +58,8 @@ pub struct DeformArgs {
     #[arg(long, value_name = "FILE")]
     pub reference: Option<PathBuf>,
     #[command(flatten)]
+    pub surface: SurfaceArgs,
+    #[command(flatten)]
     pub solve: SolveArgs,
     #[command(flatten)]
     pub material: MaterialArgs,
@@ -65,6 +68,27 @@ pub struct DeformArgs {
     /// Turn tetrahedra of negative volume instead of refusing them.
     #[arg(long)]
     pub fix_orientation: bool,
+}
+
+/// What a surface is taken for.
+#[derive(Args)]
+#[command(next_help_heading = "Surfaces (faces without tetrahedra)")]
+pub struct SurfaceArgs {
+    /// The surface is the skin of a body: a lattice of tetrahedra around it is deformed and carries it.
+    /// The default where it is nearly closed; holes and self-intersections do no harm.
+    #[arg(long, conflicts_with = "shell")]
+    pub embed: bool,
+    /// Cells of that lattice along the longest side of the surface; asks for --embed.
+    #[arg(long, value_name = "N", conflicts_with = "shell",
+          help = format!("Cells of that lattice along the longest side of the surface; asks for --embed [default: {}]",
+                         DeformSettings::default().resolution))]
+    pub resolution: Option<usize>,
+    /// The surface is a thin sheet: its faces are elements.
+    #[arg(long)]
+    pub shell: bool,
+    /// The deformed lattice with its fields; .vtu carries all of it.
+    #[arg(long, value_name = "FILE", conflicts_with = "shell")]
+    pub lattice_out: Option<PathBuf>,
 }
 
 /// What the body is made of.
@@ -233,6 +257,12 @@ impl DeformArgs {
         s.planar = m.planar;
         s.mixed = m.mixed;
         s.fix_orientation = self.fix_orientation;
+        s.surface = match (self.surface.shell, self.surface.embed || self.surface.resolution.is_some()) {
+            (true, _) => SurfaceModel::Shell,
+            (_, true) => SurfaceModel::Embed,
+            _ => s.surface,
+        };
+        s.resolution = self.surface.resolution.unwrap_or(s.resolution);
         s.tol = self.solve.tol;
         s.max_iters = self.solve.max_iters;
         s.time_limit = self.solve.time_limit;

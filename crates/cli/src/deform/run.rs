@@ -28,6 +28,8 @@ pub struct Files {
     pub trace: Option<PathBuf>,
     /// PNG.
     pub preview: Option<PathBuf>,
+    /// The lattice that carried a surface.
+    pub lattice: Option<PathBuf>,
 }
 
 /// What is solved, and what is known about it.
@@ -58,6 +60,7 @@ pub fn run(args: &DeformArgs) -> Result<u8, Refusal> {
         report: s.report.clone(),
         trace: s.trace.clone(),
         preview: s.preview.clone(),
+        lattice: args.surface.lattice_out.clone(),
     };
     files.check()?;
     let interrupt = Interrupt::listen()?;
@@ -75,6 +78,9 @@ impl Files {
         let mut outputs = Outputs::default();
         for mesh in &self.meshes {
             outputs = outputs.mesh("--out", mesh)?;
+        }
+        if let Some(lattice) = &self.lattice {
+            outputs = outputs.mesh("--lattice-out", lattice)?;
         }
         let outputs = outputs.file("--report", self.report.as_deref(), &[])?;
         let outputs = outputs.file("--trace", self.trace.as_deref(), &[])?;
@@ -96,6 +102,15 @@ impl Files {
         let fields = extras.to_fields(&mesh);
         for path in &self.meshes {
             write_mesh(path, &mesh, &fields)?;
+            written.push(path.display().to_string());
+        }
+        if let Some(path) = &self.lattice {
+            let Some(carried) = &result.carried else {
+                let what = "no lattice was made, its elements are deformed themselves";
+                return Err(Refusal::new(format!("{}: {what}; leave --lattice-out out", input.rest.name)));
+            };
+            let (lattice, fields) = carried.lattice()?;
+            write_mesh(path, &lattice, &fields)?;
             written.push(path.display().to_string());
         }
         if let Some(path) = &self.preview {
@@ -124,11 +139,11 @@ fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inp
     };
     let start = args.init.as_deref().map(|p| same_size(p, "start")).transpose()?;
     let reference = args.reference.as_deref().map(|p| same_size(p, "reference")).transpose()?;
-    let handles = match &args.pins {
+    let mut handles = match &args.pins {
         Some(path) => PinFile::read(path)?.resolve(&mesh.points, start.as_deref())?,
         None => Handles::default(),
     };
-    let mut warnings = handles.warnings;
+    let mut warnings = std::mem::take(&mut handles.warnings);
     check_regions(args, &mesh, settings, &mut warnings)?;
     let mut pressures = handles.pressures;
     pressures.extend(args.material.pressure.map(|p| ((0..mesh.n_verts() as u32).collect(), p)));
@@ -152,6 +167,7 @@ fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inp
         obstacles,
         groups: handles.groups,
         reference,
+        ..DeformInput::default()
     };
     Ok(Inputs { input, warnings, read: began.elapsed().as_secs_f64() })
 }

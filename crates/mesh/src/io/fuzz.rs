@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::text::Text;
 use super::{Format, parse_mesh};
-use super::{gmsh, medit, npy, obj, off, ply, stl, tetgen, vtk, vtu_write};
+use super::{gltf, gmsh, medit, npy, obj, off, ply, stl, tetgen, vtk, vtu_write};
 use crate::error::Result;
 use crate::fields::Fields;
 use crate::generate::{CellSplit, beam, cloth};
@@ -28,6 +28,8 @@ fn written(format: Format) -> Vec<u8> {
         Format::Ply => ply::write(&cloth, &fields, &mut out),
         Format::Stl => stl::write(&cloth, &mut out),
         Format::Off => off::write(&cloth, &mut out),
+        Format::Gltf => gltf::write(&cloth, false, &mut out),
+        Format::Glb => gltf::write(&cloth, true, &mut out),
         Format::Npy => npy::write_points(&body.points, &mut out),
     }
     .unwrap();
@@ -82,7 +84,7 @@ fn parse(format: Format, data: &[u8]) -> Result<()> {
     }
 }
 
-const ALL: [Format; 10] = [
+const ALL: [Format; 12] = [
     Format::TetGen,
     Format::Medit,
     Format::Gmsh,
@@ -92,6 +94,8 @@ const ALL: [Format; 10] = [
     Format::Ply,
     Format::Stl,
     Format::Off,
+    Format::Gltf,
+    Format::Glb,
     Format::Npy,
 ];
 
@@ -189,7 +193,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn damaged_files(which in 0..15usize, damages in prop::collection::vec(damage(), 1..6)) {
+    fn damaged_files(which in 0..17usize, damages in prop::collection::vec(damage(), 1..6)) {
         let (format, mut data) = samples().swap_remove(which);
         damages.iter().for_each(|d| apply(&mut data, d));
         if let Err(e) = parse(format, &data) {

@@ -7,6 +7,7 @@
 mod atomic;
 #[cfg(test)]
 mod fuzz;
+mod gltf;
 mod gmsh;
 mod medit;
 mod npy;
@@ -15,6 +16,7 @@ mod obj;
 mod off;
 mod ply;
 mod scalar;
+mod series;
 mod stl;
 mod tetgen;
 mod text;
@@ -29,6 +31,7 @@ use std::io;
 use std::path::Path;
 
 pub use atomic::{atomic_write, check_writable};
+pub use series::{Frame, check_series_output, write_series};
 
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::fields::Fields;
@@ -58,12 +61,16 @@ pub enum Format {
     Stl,
     /// Geomview `.off`.
     Off,
+    /// glTF 2.0 as JSON, `.gltf`.
+    Gltf,
+    /// glTF 2.0 in binary, `.glb`.
+    Glb,
     /// NumPy `.npy`: positions only.
     Npy,
 }
 
 /// What an unknown extension is answered with.
-const KNOWN: &str = "use .node/.ele, .mesh, .msh, .vtk, .vtu, .obj, .ply, .stl, .off or .npy";
+const KNOWN: &str = "use .node/.ele, .mesh, .msh, .vtk, .vtu, .obj, .ply, .stl, .off, .gltf, .glb or .npy";
 
 impl Format {
     /// The format that the extension of `path` names, in either case.
@@ -82,6 +89,8 @@ impl Format {
             Some("ply") => Format::Ply,
             Some("stl") => Format::Stl,
             Some("off") => Format::Off,
+            Some("gltf") => Format::Gltf,
+            Some("glb") => Format::Glb,
             Some("npy") => Format::Npy,
             Some("meshb") => {
                 return Err(MeshError::new(
@@ -143,14 +152,18 @@ pub fn read_mesh_lenient(path: &Path) -> Result<Mesh> {
             "give a mesh file here",
         ));
     }
-    let mesh =
-        if format == Format::TetGen { tetgen::read(path)? } else { parse_mesh(format, &file, &read_bytes(path)?)? };
+    let mesh = match format {
+        Format::TetGen => tetgen::read(path)?,
+        Format::Gltf | Format::Glb => gltf::read(path)?,
+        _ => parse_mesh(format, &file, &read_bytes(path)?)?,
+    };
     mesh.check_indices()?;
     Ok(mesh)
 }
 
 /// Parses the bytes of a mesh file; `file` is the name that messages start with. A TetGen pair is two
-/// files and an array holds no elements: those two formats are refused here.
+/// files and an array holds no elements: those two formats are refused here, and so is a .gltf whose
+/// buffers lie in other files.
 ///
 /// # Errors
 /// As [`read_mesh_lenient`].
@@ -164,6 +177,7 @@ pub fn parse_mesh(format: Format, file: &str, data: &[u8]) -> Result<Mesh> {
         Format::Ply => ply::parse(file, data),
         Format::Stl => stl::parse(file, data),
         Format::Off => off::parse(file, data),
+        Format::Gltf | Format::Glb => gltf::parse(file, data),
         Format::TetGen | Format::Npy => Err(MeshError::new(
             ErrorKind::Unsupported,
             file,
@@ -195,7 +209,8 @@ pub fn read_points(path: &Path) -> Result<Vec<[f64; 3]>> {
 
 /// Writes a mesh, whole or not at all; the extension names the format.
 ///
-/// Vertices keep their order and number in every format but STL, text has 17 significant digits,
+/// Vertices keep their order and number in every format but STL, text has 17 significant digits, glTF
+/// has 32-bit numbers,
 /// a TetGen pair (both files, whichever was named) keeps the index base. Surface formats get the
 /// faces, of a body without faces its boundary. `fields` go where the format takes them; what a
 /// format cannot carry is listed by [`not_carried`].
@@ -203,38 +218,43 @@ pub fn read_points(path: &Path) -> Result<Vec<[f64; 3]>> {
 /// # Errors
 /// Elements that the format cannot hold at all, or a path that cannot be written.
 pub fn write_mesh(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<()> {
+    write_body(path, mesh, fields)?.into_iter().try_for_each(Staged::publish)
+}
+
+/// All files of a mesh, complete but without their names.
+fn write_body(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<Vec<Staged>> {
     let format = Format::from_path(path)?;
     mesh.check_indices()?;
     fields.check(mesh)?;
-    match format {
-        Format::TetGen => {
-            let (node, ele) = tetgen::pair(path);
-            if mesh.tets.is_empty() && !mesh.faces.is_empty() {
-                require_corners(path, mesh, 3)?;
-            }
-            let nodes = Staged::write(&node, |w| tetgen::write_nodes(mesh, w))?;
-            if mesh.tets.is_empty() && mesh.faces.is_empty() {
-                return nodes.publish();
-            }
-            let elements = Staged::write(&ele, |w| tetgen::write_elements(mesh, w))?;
-            nodes.publish()?;
-            elements.publish()
+    if format == Format::TetGen {
+        let (node, ele) = tetgen::pair(path);
+        if mesh.tets.is_empty() && !mesh.faces.is_empty() {
+            require_corners(path, mesh, 3)?;
         }
-        Format::Medit | Format::Gmsh => {
-            require_corners(path, mesh, 4)?;
-            atomic_write(path, |w| match format {
-                Format::Medit => medit::write(mesh, w),
-                _ => gmsh::write(mesh, w),
-            })
+        let mut staged = vec![Staged::write(&node, |w| tetgen::write_nodes(mesh, w))?];
+        if !mesh.tets.is_empty() || !mesh.faces.is_empty() {
+            staged.push(Staged::write(&ele, |w| tetgen::write_elements(mesh, w))?);
         }
-        Format::Vtk => atomic_write(path, |w| vtk::write(mesh, fields, w)),
-        Format::Vtu => atomic_write(path, |w| vtu_write::write(mesh, fields, w)),
-        Format::Obj => atomic_write(path, |w| obj::write(mesh, w)),
-        Format::Ply => atomic_write(path, |w| ply::write(mesh, fields, w)),
-        Format::Stl => atomic_write(path, |w| stl::write(mesh, w)),
-        Format::Off => atomic_write(path, |w| off::write(mesh, w)),
-        Format::Npy => atomic_write(path, |w| npy::write_points(&mesh.points, w)),
+        return Ok(staged);
     }
+    match format {
+        Format::Medit | Format::Gmsh => require_corners(path, mesh, 4)?,
+        Format::Gltf | Format::Glb => gltf::require_range(&display(path), &mesh.points)?,
+        _ => {}
+    }
+    let staged = Staged::write(path, |w| match format {
+        Format::Medit => medit::write(mesh, w),
+        Format::Gmsh => gmsh::write(mesh, w),
+        Format::Vtk => vtk::write(mesh, fields, w),
+        Format::Vtu => vtu_write::write(mesh, fields, w),
+        Format::Obj => obj::write(mesh, w),
+        Format::Ply => ply::write(mesh, fields, w),
+        Format::Stl => stl::write(mesh, w),
+        Format::Off => off::write(mesh, w),
+        Format::Gltf | Format::Glb => gltf::write(mesh, format == Format::Glb, w),
+        Format::Npy | Format::TetGen => npy::write_points(&mesh.points, w), // a pair was written above
+    })?;
+    Ok(vec![staged])
 }
 
 /// Whether a mesh could be written to `path`, for use before hours of work: the extension names a
@@ -257,9 +277,11 @@ pub fn check_output(path: &Path) -> Result<()> {
 /// # Errors
 /// An unknown extension.
 pub fn not_carried(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<Vec<&'static str>> {
-    use Format::{Medit, Npy, Obj, Off, Ply, Stl, TetGen, Vtk, Vtu};
+    use Format::{Glb, Gltf, Medit, Npy, Obj, Off, Ply, Stl, TetGen, Vtk, Vtu};
     let format = Format::from_path(path)?;
-    let surface = matches!(format, Obj | Ply | Stl | Off);
+    let single = matches!(format, Gltf | Glb);
+    let surface = single || matches!(format, Obj | Ply | Stl | Off);
+    let triangles = surface_faces(mesh).iter().all(|f| f.len() == 3);
     let volume = !mesh.tets.is_empty();
     let regions = mesh.tet_regions.is_some() || mesh.face_regions.is_some();
     let cell_arrays = matches!(format, Vtk | Vtu) || (format == Ply && !volume);
@@ -271,6 +293,8 @@ pub fn not_carried(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<Vec<&'st
         (!fields.point.is_empty() && !matches!(format, Vtk | Vtu | Ply), "point arrays"),
         (!fields.cell.is_empty() && !cell_arrays, "cell arrays"),
         (format == Stl, "vertex numbers"),
+        (single && !triangles, "polygons other than triangles"),
+        (single, "positions beyond 32 bits"),
         (mesh.planar && !matches!(format, TetGen | Medit), "that the mesh is planar"),
     ];
     Ok(lost.into_iter().filter(|l| l.0).map(|(_, what)| what).collect())

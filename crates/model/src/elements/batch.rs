@@ -37,6 +37,8 @@ pub struct Batch<'a> {
     pub positions: &'a [f64],
     /// Nodes, flat.
     pub elements: &'a [u32],
+    /// The part of each element that is material, see [`Rest::filled`]; everything without it.
+    pub fill: Option<&'a [f64]>,
     /// Name of the energy.
     pub energy: &'a str,
     /// Its moduli.
@@ -117,7 +119,10 @@ impl Batch<'_> {
         Linear: Coupling<D, K>,
         Polar: Coupling<D, K>,
     {
-        let rest = Rest::<D, K>::new(self.positions, self.elements)?;
+        let mut rest = Rest::<D, K>::new(self.positions, self.elements)?;
+        if let Some(fill) = self.fill {
+            rest = rest.filled(|e| fill.get(e).copied().unwrap_or(1.0))?;
+        }
         let weights = (self.weights)(energy.rest_stiffness(), energy.slope_stiffness());
         let positive = energy.is_positive();
         let term: Box<dyn Term> = match self.rotation_aware {

@@ -100,6 +100,21 @@ impl<const D: usize, const K: usize> Rest<D, K> {
         Ok(rest)
     }
 
+    /// Elements of which only a part is material: energy, weights and forces of element e are `part(e)` times what they
+    /// would be. For lattices around a body, whose outer cells are partly empty.
+    ///
+    /// # Errors
+    /// A part that is not positive.
+    pub fn filled(mut self, part: impl Fn(usize) -> f64) -> Result<Self, ElementError> {
+        for (element, measure) in self.measure.iter_mut().enumerate() {
+            *measure *= part(element);
+            if !(*measure > 0.0 && measure.is_finite()) {
+                return Err(ElementError::Measure { element, measure: *measure });
+            }
+        }
+        Ok(self)
+    }
+
     /// Rest positions, D numbers a node.
     pub(super) fn positions(&self) -> &[f64] {
         &self.positions

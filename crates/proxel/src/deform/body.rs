@@ -4,7 +4,7 @@ use super::elements::{Cells, add_weights, build};
 use super::{DeformError, DeformInput, constraints, planar, sheet, start};
 use crate::settings::DeformSettings;
 use proxel_mesh::{check, topology};
-use proxel_split::{Problem, Quadratic, SystemError};
+use proxel_split::{PointSpring, Problem, Quadratic, SystemError};
 
 /// A deformation problem, and the way between the user's numbering and units and the solver's.
 pub struct Body {
@@ -72,14 +72,20 @@ impl Body {
         let mut barrier = false;
         for cells in &kinds {
             for (material, chosen) in cells.by_material(mesh, settings) {
-                let built = build(cells, &chosen, &number, &rest, material, settings, &body.name)?;
+                let built =
+                    build(cells, &chosen, input.fill.as_deref(), &number, &rest, material, settings, &body.name)?;
                 terms.push(built.term);
                 barrier |= built.barrier;
             }
         }
         let x0 = match &input.start {
             Some(start) => body.with_targets(body.centred(start)),
-            None => start::smooth(&kinds, &number, &rest, body.with_targets(rest.clone()), body.n_free, body.dim)?,
+            None => {
+                let mut points = quadratic.points.clone();
+                let modulus = settings.material.modulus().map_err(|e| DeformError(e.to_string()))?;
+                points.iter_mut().for_each(|p| p.stiffness /= modulus);
+                start::smooth(&kinds, &number, &rest, body.with_targets(rest.clone()), body.n_free, body.dim, points)?
+            }
         };
         body.reference = input.reference.as_ref().map(|r| body.centred(r));
         let mut problem = Problem { dim: body.dim, n_free: body.n_free, x0, terms, quadratic, barrier };
@@ -200,6 +206,13 @@ impl Body {
                 held[c as usize] |= *k > 0.0;
             }
         }
+        for tie in input.ties.iter().filter(|t| t.stiffness > 0.0) {
+            for (v, _) in tie.nodes.iter().zip(&tie.weights).filter(|(_, w)| **w != 0.0) {
+                if let Some(c) = components.of_vertex[*v as usize] {
+                    held[c as usize] = true;
+                }
+            }
+        }
         for (v, force) in &input.loads {
             if let Some(c) = components.of_vertex[*v as usize] {
                 loaded[c as usize] |= *force != [0.0; 3];
@@ -297,7 +310,17 @@ impl Body {
             .iter()
             .map(|(v, target, k)| (number[*v as usize], *k, std::array::from_fn(|d| target[d] - self.center[d])))
             .collect();
-        Quadratic { springs, loads, constant, ..Quadratic::default() }
+        let points = input
+            .ties
+            .iter()
+            .map(|tie| PointSpring {
+                nodes: tie.nodes.map(|v| number[v as usize]),
+                // The weights of a point add up to 1, or the centre would not drop out.
+                target: std::array::from_fn(|d| tie.target[d] - self.center[d]),
+                ..*tie
+            })
+            .collect();
+        Quadratic { springs, points, loads, constant, ..Quadratic::default() }
     }
 
     /// The user's positions from the solver's; fixed vertices are exactly where they were to be held.
@@ -367,7 +390,7 @@ impl Body {
 }
 
 /// Lengths, numbers and indices of everything that comes with the mesh.
-fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), DeformError> {
+pub(super) fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), DeformError> {
     for (what, positions) in [("start", &input.start), ("reference", &input.reference)] {
         let Some(positions) = positions else { continue };
         if positions.len() != n {
@@ -382,7 +405,26 @@ fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), Deform
             )));
         }
     }
+    if let Some(fill) = &input.fill
+        && (fill.len() != input.rest.tets.len() || fill.iter().any(|f| !(*f > 0.0 && *f <= 1.0)))
+    {
+        return Err(DeformError(format!(
+            "{name}: fill has {} numbers for {} tetrahedra; give each a part above 0 and at most 1",
+            fill.len(),
+            input.rest.tets.len()
+        )));
+    }
+    for tie in &input.ties {
+        let sum: f64 = tie.weights.iter().sum();
+        if tie.nodes.iter().any(|v| *v as usize >= n) || (sum - 1.0).abs().is_nan() || (sum - 1.0).abs() > 1e-9 {
+            return Err(DeformError(format!(
+                "{name}: a tie of vertices {:?} with weights {:?}; name vertices of the mesh, with weights that add up to 1",
+                tie.nodes, tie.weights
+            )));
+        }
+    }
     let vectors = input.fixed.iter().map(|(v, p)| ("pin", *v, *p));
+    let vectors = vectors.chain(input.ties.iter().map(|t| ("tie", t.nodes[0], t.target)));
     let vectors = vectors.chain(input.soft.iter().map(|(v, p, _)| ("soft spring", *v, *p)));
     let vectors = vectors.chain(input.loads.iter().map(|(v, p)| ("load", *v, *p)));
     for (what, v, vector) in vectors {

@@ -128,10 +128,11 @@ pub(super) struct Built {
 }
 
 /// The elements `chosen` of `cells` as a batch over flat positions `x` at rest, three numbers a node or, in the plane, two;
-/// `number` renumbers vertices.
+/// `number` renumbers vertices, `fill` is the part of every element that is material.
 pub(super) fn build(
     cells: &Cells,
     chosen: &[usize],
+    fill: Option<&[f64]>,
     number: &[u32],
     x: &[f64],
     material: &Material,
@@ -153,6 +154,7 @@ pub(super) fn build(
         BatchError::Element(e) => DeformError(e.to_string()),
         BatchError::Energy(e) => DeformError(format!("{e} (--material)")),
     };
+    let fill: Option<Vec<f64>> = fill.map(|fill| chosen.iter().map(|e| fill[*e]).collect());
     let admm = &settings.admm;
     let method = settings.method;
     let fixed = method.is_splitting() && !method.is_reweighted();
@@ -175,6 +177,7 @@ pub(super) fn build(
         shape: cells.shape(settings.planar),
         positions: x,
         elements: &elements,
+        fill: fill.as_deref(),
         energy: &material.energy,
         lame: &lame,
         limits: settings.strain_limit.map(|[low, high]| (low, high)),

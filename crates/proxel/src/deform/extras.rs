@@ -54,6 +54,9 @@ impl Extras {
 /// # Errors
 /// As [`super::deform`].
 pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformation) -> Result<Extras, DeformError> {
+    if let Some(carried) = &result.carried {
+        return carried.extras(input, settings, result);
+    }
     let mesh = &input.rest;
     let n = mesh.n_verts();
     let mut kinds = Cells::all(mesh, result.repaired_tets.as_deref().unwrap_or(&mesh.tets), settings);

@@ -6,6 +6,7 @@
 mod body;
 mod constraints;
 mod elements;
+mod embedded;
 mod extras;
 mod planar;
 mod sheet;
@@ -13,17 +14,19 @@ mod start;
 mod watch;
 
 pub use body::Body;
+pub use embedded::{Carried, Carrier};
 pub use extras::{Extras, extras};
 pub use watch::{Hooks, Progress};
 
 use crate::pins::HalfSpace;
 use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName};
+use embedded::Carrying;
 use proxel_mesh::Mesh;
 use proxel_split::{
     AaAdmm, Aadr, Admm, AdmmSettings, Auto, Cancel, Direct, Equality, GlobalStep, GradientTolerance, IterationLimit,
-    Lbfgs, Method, Newton, NoProgress, Outcome, PatchGradient, Problem, QuasiNewton, ResidualTolerance, Residuals,
-    Status, Stop, SystemError,
+    Lbfgs, Method, Newton, NoProgress, Outcome, PatchGradient, PointSpring, Problem, QuasiNewton, ResidualTolerance,
+    Residuals, Status, Stop, SystemError,
 };
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -50,6 +53,10 @@ pub struct DeformInput {
     pub obstacles: Vec<HalfSpace>,
     /// Named groups of vertices, whose reaction forces are reported.
     pub groups: Vec<(String, Vec<u32>)>,
+    /// Springs from points that vertices carry, such as those of a surface in a lattice; weights add up to 1.
+    pub ties: Vec<PointSpring>,
+    /// The part of each tetrahedron that is material, above 0 and at most 1; everything without it.
+    pub fill: Option<Vec<f64>>,
     /// Positions to measure the position error against; they change nothing.
     pub reference: Option<Vec<[f64; 3]>>,
 }
@@ -87,9 +94,13 @@ pub struct Deformation {
     pub repaired_tets: Option<Vec<[u32; 4]>>,
     /// At fixed vertices, the force that the body exerts on what holds it, loads and hard limits included; 0 elsewhere.
     pub reaction: Vec<[f64; 3]>,
+    /// The lattice that carried it, where the input was the skin of a body.
+    pub carried: Option<Box<Carried>>,
 }
 
 /// Minimises the deformation energy of `input` and says how it went. What it returns holds for the positions as returned.
+/// A surface that bounds a body is carried by a lattice of tetrahedra, see [`Carrier`]; energy and stretches are then
+/// those of the lattice.
 ///
 /// # Errors
 /// Input that describes no problem. A run that does not converge is no error: see [`Deformation::status`].
@@ -105,7 +116,14 @@ pub fn deform(
         .build()
         .map_err(|e| DeformError(format!("{threads} threads cannot be started: {e}")))?;
     // The hooks stay on this thread's side of the pool: they are moved in and run there one at a time.
-    pool.install(|| deform_here(input, settings, hooks, threads))
+    pool.install(|| match Carrier::of(input, settings)? {
+        Carrying::Body(carrier) => carrier.deform(input, settings, hooks, threads),
+        Carrying::No { warning } => {
+            let mut result = deform_here(input, settings, hooks, threads)?;
+            result.report.warnings.extend(warning);
+            Ok(result)
+        }
+    })
 }
 
 fn deform_here(
@@ -163,9 +181,10 @@ fn deform_here(
         factor_bytes: Some(run.factor_bytes),
         threads,
         reactions: sums(&input.groups, &body, &reaction, &run.contacts),
+        lattice: None,
     };
     let (status, repaired_tets) = (outcome.status, body.repaired_tets());
-    Ok(Deformation { positions, start, status, report, repaired_tets, reaction })
+    Ok(Deformation { positions, start, status, report, repaired_tets, reaction, carried: None })
 }
 
 /// Minus the gradient at the fixed vertices.

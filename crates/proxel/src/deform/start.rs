@@ -4,10 +4,11 @@ use super::DeformError;
 use super::elements::Cells;
 use proxel_model::elements::{Batch, BatchWeights, batch};
 use proxel_model::energy::Lame;
-use proxel_split::{NormalMatrix, Problem, Quadratic, Term, vector};
+use proxel_split::{NormalMatrix, PointSpring, Problem, Quadratic, Term, vector};
 
 /// The free vertices follow the fixed ones harmonically: the displacement of least Dirichlet energy, which is the one step
-/// of a linear coupling whose local variables are all at rest.
+/// of a linear coupling whose local variables are all at rest. They also follow what draws at `points`, whose stiffness is
+/// here that of springs in a material of modulus 1.
 pub(super) fn smooth(
     kinds: &[Cells],
     number: &[u32],
@@ -15,8 +16,9 @@ pub(super) fn smooth(
     x0: Vec<f64>,
     n_free: usize,
     dim: usize,
+    points: Vec<PointSpring>,
 ) -> Result<Vec<f64>, DeformError> {
-    let moved = rest.iter().zip(&x0).any(|(a, b)| a != b);
+    let moved = rest.iter().zip(&x0).any(|(a, b)| a != b) || !points.is_empty();
     if !moved || n_free == 0 {
         return Ok(x0);
     }
@@ -28,6 +30,7 @@ pub(super) fn smooth(
             shape: cells.shape(dim == 2),
             positions: rest,
             elements: corners.corners(),
+            fill: None,
             energy: "arap",
             lame: &lame,
             limits: None,
@@ -37,7 +40,8 @@ pub(super) fn smooth(
         };
         terms.push(batch(&of).map_err(|e| DeformError(e.to_string()))?.0);
     }
-    let mut problem = Problem { dim, n_free, x0, terms, quadratic: Quadratic::default(), barrier: false };
+    let mut problem =
+        Problem { dim, n_free, x0, terms, quadratic: Quadratic { points, ..Quadratic::default() }, barrier: false };
     let refuse = |e: proxel_split::SystemError| DeformError(e.to_string());
     let mut normal = NormalMatrix::new(&problem).map_err(refuse)?;
     let mut x = problem.x0.clone();

@@ -7,7 +7,7 @@ use std::sync::Arc;
 /// d^2 E / dx^2 over the free nodes, and its factor in f32 where one is asked for.
 pub struct Hessian {
     matrix: BlockMatrix,
-    form: Vec<f64>,                  // of the quadratic form, slot by slot; empty where there is none
+    form: Vec<f64>, // of the quadratic form and of springs at points, slot by slot; empty where there is none
     symbolic: Option<Arc<Symbolic>>, // of the factor
     factor: Option<Cholesky<f32>>,
     scratch: SolveScratch,
@@ -64,6 +64,14 @@ impl Hessian {
         if !problem.quadratic.form.is_empty() {
             form.resize(pattern.nnz(), 0.0);
             problem.quadratic.form.add_to(pattern, &mut form);
+        }
+        for spring in &problem.quadratic.points {
+            form.resize(pattern.nnz(), 0.0);
+            spring.for_each_entry(problem.n_free, &mut |i, j, entry| {
+                if let Some(slot) = pattern.slot(i, j) {
+                    form[slot] += entry;
+                }
+            });
         }
         Ok(Hessian { matrix, form, symbolic: None, factor: None, scratch: SolveScratch::default() })
     }

@@ -1,6 +1,6 @@
 //! Where a Newton step leads: straight on, or along the rotations that it means.
 
-use crate::{EnergyReport, NormalMatrix, Problem, SystemError, vector};
+use crate::{EnergyReport, NormalMatrix, PointSpring, Problem, Quadratic, SystemError, vector};
 
 /// Part of the linear prediction that a step has to gain (Armijo).
 const ARMIJO: f64 = 1e-4;
@@ -160,11 +160,17 @@ impl Search {
                 }
             }
         }
-        if !problem.quadratic.form.is_empty() {
+        let Quadratic { form, points, .. } = &problem.quadratic;
+        if !(form.is_empty() && points.is_empty()) {
             let mut step = vec![0.0; x.len()];
             step[..n].copy_from_slice(&self.step);
             let mut force = vec![0.0; n];
-            problem.quadratic.form.value_and_gradient(&step, problem.dim, Some(&mut force));
+            if !form.is_empty() {
+                form.value_and_gradient(&step, problem.dim, Some(&mut force));
+            }
+            for spring in points {
+                PointSpring { target: [0.0; 3], ..*spring }.value_and_gradient(&step, problem.dim, Some(&mut force));
+            }
             vector::add_scaled(&mut self.rhs, -1.0, &force);
         }
         normal.solve(&mut self.rhs)?;
