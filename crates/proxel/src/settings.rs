@@ -215,7 +215,7 @@ impl Default for NewtonSettings {
             back_off: 2,
             warp: true,
             max_inner: 400,
-            gain: 0.03,
+            gain: 0.06,
             window: 5,
             longest: 200,
             retreat: 20,

@@ -15,7 +15,7 @@ fn twisted(cells: [usize; 3], angle: f64) -> DeformInput {
     let mut fixed = Vec::new();
     for (v, p) in rest.points.iter().enumerate() {
         let part = (p[0] - low[0]) / (high[0] - low[0]);
-        let is_end = part < 1e-9 || part > 1.0 - 1e-9;
+        let is_end = !(1e-9..=1.0 - 1e-9).contains(&part);
         let (sin, cos) = (angle * part * if is_end { 1.0 } else { 0.5 + 0.5 * part }).sin_cos();
         let (y, z) = (p[1] - (low[1] + high[1]) / 2.0, p[2] - (low[2] + high[2]) / 2.0);
         start[v] = [p[0] + 0.1 * part, y * cos - z * sin, y * sin + z * cos];

@@ -175,7 +175,7 @@ impl Auto {
         matches!(self.phase, Phase::Newton(..))
     }
 
-    fn to_newton(&mut self) -> Result<(), SystemError> {
+    fn enter_newton(&mut self) -> Result<(), SystemError> {
         if let Phase::Splitting(admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
             let (problem, normal, x, admm) = admm.into_parts();
             let newton = Newton::resume(problem, normal, x, self.settings.newton.clone(), self.iteration)?;
@@ -185,7 +185,7 @@ impl Auto {
         Ok(())
     }
 
-    fn to_splitting(&mut self) {
+    fn enter_splitting(&mut self) {
         if let Phase::Newton(newton, admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
             let (problem, normal, x) = newton.into_parts();
             self.phase = Phase::Splitting(Box::new(Admm::resume(problem, normal, x, admm, self.iteration)));
@@ -245,10 +245,10 @@ impl Method for Auto {
         self.iteration = report.iteration;
         if self.is_in_newton() {
             if self.is_lost(&report) {
-                self.to_splitting();
+                self.enter_splitting();
             }
         } else if self.is_time() {
-            self.to_newton()?;
+            self.enter_newton()?;
         }
         Ok(report)
     }

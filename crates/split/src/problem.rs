@@ -6,10 +6,14 @@ use crate::{
 use proxel_linalg::sparse::SymPattern;
 use std::sync::Arc;
 
-/// f(x) = sum_j k_j/2 |x_j - t_j|^2 + sum_p k_p/2 |sum_i w_pi x_i - t_p|^2 - sum_i b_i . x_i + 1/2 sum_c x_c^T K x_c
-/// + constant: soft springs from nodes and from points that nodes carry, loads, and a quadratic form in each coordinate c;
-/// beside it what else is not split: smooth potentials, and linear equalities,
-/// which hold exactly.
+/// What is not split: f(x), smooth potentials, and linear equalities, which hold exactly.
+///
+/// ```text
+/// f(x) = sum_j k_j/2 |x_j - t_j|^2 + sum_p k_p/2 |sum_i w_pi x_i - t_p|^2 - sum_i b_i . x_i
+///        + 1/2 sum_c x_c^T K x_c + constant
+/// ```
+///
+/// Soft springs from nodes and from points that nodes carry, loads, and a quadratic form in each coordinate c.
 #[derive(Clone, Debug, Default)]
 pub struct Quadratic {
     /// Soft springs: node, stiffness k_j, and the target t_j in the first `dim` entries.

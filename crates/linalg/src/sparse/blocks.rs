@@ -130,7 +130,7 @@ impl BlockMatrix {
                     let slot = self.slots[at];
                     let block = &self.values[(slot / 2) as usize * N * N..][..N * N];
                     let x = &x[self.columns[at] as usize];
-                    if slot % 2 == 0 {
+                    if slot.is_multiple_of(2) {
                         for r in 0..N {
                             for c in 0..N {
                                 sum[r] += block[r * N + c] * x[c];

@@ -154,13 +154,16 @@ pub(super) fn add_forces<I: Isa, const D: usize, const K: usize>(
     }
 }
 
+/// What is known of F where an element is visited, and its inverse rest edges.
+type Visited<I, C, const D: usize, const K: usize> = (<C as Coupling<D, K>>::At<F8<I>>, [[F8<I>; K]; K]);
+
 /// What is known of F at block b of a chunk, and the inverse rest edges.
 #[inline(always)]
 pub(super) fn visit<I: Isa, C: Coupling<D, K>, const D: usize, const K: usize>(
     shared: &Shared<'_, K>,
     chunk: &Chunk<'_>,
     b: usize,
-) -> (C::At<F8<I>>, [[F8<I>; K]; K]) {
+) -> Visited<I, C, D, K> {
     let inverse = inverse_edges::<I, D, K>(shared, chunk, b);
     (C::visit(deformation_gradient(chunk.near(), chunk.local(b), &inverse)), inverse)
 }

@@ -219,7 +219,7 @@ fn scatter<I: Isa, const D: usize>(dense: &[[F8<I>; D]; D], table: &[u16], pair:
     for l in 0..LANES {
         let entry = table[pair * LANES + l] as usize;
         let to = &mut partials[entry / 2 * D * D..][..D * D];
-        if entry % 2 == 0 {
+        if entry.is_multiple_of(2) {
             for r in 0..D {
                 for c in 0..D {
                     to[r * D + c] += lanes[r][c][l];
@@ -235,12 +235,15 @@ fn scatter<I: Isa, const D: usize>(dense: &[[F8<I>; D]; D], table: &[u16], pair:
     }
 }
 
+/// A D x K matrix of lanes.
+type Matrix<I, const D: usize, const K: usize> = [[F8<I>; K]; D];
+
 /// dF of a step, in the frame of F = U S V^T: h = U^T dF V, and dF V.
 #[inline(always)]
 fn step_in_frame<I: Isa, const D: usize, const K: usize>(
     d: &Decomposed<F8<I>, D, K>,
     step: &[[F8<I>; K]; D],
-) -> ([[F8<I>; K]; K], [[F8<I>; K]; D]) {
+) -> (Matrix<I, K, K>, Matrix<I, D, K>) {
     let zero = F8::<I>::zero();
     let mut fv = [[zero; K]; D];
     for r in 0..D {
@@ -372,7 +375,7 @@ fn warped<I: Isa, const D: usize, const K: usize>(
     let mut omega = [[zero; K]; K];
     let mut inner = h; // S + h - omega S
     for i in 0..K {
-        inner[i][i] = inner[i][i] + d.s[i];
+        inner[i][i] += d.s[i];
         for j in 0..K {
             if i != j {
                 let sum = d.s[i] + d.s[j];
