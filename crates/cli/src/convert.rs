@@ -62,13 +62,13 @@ pub fn run(args: &ConvertArgs) -> Result<u8, Refusal> {
     }
     if !args.quiet {
         if args.fix_orientation {
-            println!("turned {turned} tetrahedra");
+            say!("turned {turned} tetrahedra");
         }
         let lost = not_carried(&args.out, &mesh, &Fields::none())?;
         if !lost.is_empty() {
             eprintln!("warning: {} does not carry {}", args.out.display(), lost.join(" and "));
         }
-        println!("wrote {} ({} vertices)", written.join(", "), mesh.n_verts());
+        say!("wrote {} ({} vertices)", written.join(", "), mesh.n_verts());
     }
     Ok(0)
 }

@@ -37,12 +37,7 @@ pub fn run(args: &DemoArgs) -> Result<u8, Refusal> {
         let counts = [(rest.tets.len(), "tetrahedra"), (rest.faces.len(), "triangles"), (rest.edges.len(), "edges")];
         let elements: Vec<String> =
             counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
-        println!(
-            "{about} ({} vertices, {}, {} vertices pinned)",
-            rest.n_verts(),
-            elements.join(", "),
-            input.fixed.len()
-        );
+        say!("{about} ({} vertices, {}, {} vertices pinned)", rest.n_verts(), elements.join(", "), input.fixed.len());
     }
     let inputs = Inputs { input, warnings: Vec::new(), read: began.elapsed().as_secs_f64() };
     solve_and_write(inputs, &settings, &files, &interrupt, args.quiet)

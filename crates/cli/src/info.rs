@@ -12,7 +12,7 @@ pub fn run(args: &InfoArgs) -> Result<u8, Refusal> {
     for (i, path) in args.meshes.iter().enumerate() {
         let report = diagnose(&read_mesh_lenient(path)?);
         if i > 0 {
-            println!();
+            say!("");
         }
         print!("{report}");
         let errors = report.problems.iter().filter(|p| p.severity == Severity::Error);

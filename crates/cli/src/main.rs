@@ -3,6 +3,14 @@
 //! Exit status: 0 converged or done, 1 failed, 2 bad input or usage, 3 stopped before convergence,
 //! 130 cancelled.
 
+/// As `println!`, but a reader that has gone away, as `head` does, is no reason to fail.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
+
 mod args;
 mod convert;
 mod deform;

@@ -277,6 +277,14 @@ impl Method for Auto {
         self.method_mut().map_or(Residuals { primal: f64::INFINITY, dual: f64::INFINITY }, |m| m.residuals())
     }
 
+    fn forces(&mut self) -> Option<Vec<f64>> {
+        self.method_mut().and_then(|m| m.forces())
+    }
+
+    fn forces_of_term(&mut self, term: usize) -> Option<Vec<f64>> {
+        self.method_mut().and_then(|m| m.forces_of_term(term))
+    }
+
     fn factor_bytes(&self) -> u64 {
         self.method().map_or(0, |m| m.factor_bytes())
     }

@@ -97,6 +97,8 @@ impl NormalMatrix {
     /// # Errors
     /// A singular or non-finite matrix.
     pub fn with_precision(problem: &Problem, precision: Precision) -> Result<Self, SystemError> {
+        // Along equalities a gradient can be the small difference of large forces, of which 32 bits leave nothing.
+        let precision = if problem.quadratic.equalities.is_empty() { precision } else { Precision::Double };
         let pattern = pattern_of(problem)?;
         let symbolic = Arc::new(Symbolic::analyze(&pattern, Ordering::Auto)?);
         let mut matrix = NormalMatrix {

@@ -47,7 +47,7 @@ pub fn run(args: &DeformArgs) -> Result<u8, Refusal> {
     let settings = args.settings()?;
     if args.solve.show_settings {
         let text = serde_json::to_string_pretty(&settings);
-        println!("{}", text.map_err(|e| Refusal::new(format!("the settings cannot be printed: {e}")))?);
+        say!("{}", text.map_err(|e| Refusal::new(format!("the settings cannot be printed: {e}")))?);
         return Ok(0);
     }
     // Clap asks for both unless settings are shown.
@@ -271,14 +271,8 @@ fn say(input: &DeformInput, files: &Files, result: &Deformation, written: &[Stri
         }
     }
     let number = |v: Option<f64>| v.map_or_else(|| "undefined".to_owned(), |v| format!("{v:.6e}"));
-    println!(
-        "{} after {} iterations, {:.2} s: {}",
-        r.status,
-        r.iterations,
-        r.seconds.setup + r.seconds.solve,
-        r.reason
-    );
-    println!(
+    say!("{} after {} iterations, {:.2} s: {}", r.status, r.iterations, r.seconds.setup + r.seconds.solve, r.reason);
+    say!(
         "energy {}, gradient ratio {}, inverted {}, stretches {} to {}",
         number(r.energy),
         r.gradient_ratio.map_or_else(|| "undefined".to_owned(), |v| format!("{v:.1e}")),
@@ -287,7 +281,7 @@ fn say(input: &DeformInput, files: &Files, result: &Deformation, written: &[Stri
         r.max_stretch.map_or_else(|| "undefined".to_owned(), |v| format!("{v:.3}")),
     );
     if !written.is_empty() {
-        println!("wrote {}", written.join(", "));
+        say!("wrote {}", written.join(", "));
     }
     Ok(())
 }

@@ -49,7 +49,7 @@ pub trait Density<const K: usize>: Send + Sync {
     /// Replaces the stretches s by d psi / d s.
     fn gradient(&self, s: &mut [f64]);
 
-    /// The Hessian of psi in the entries of F, in the frame of the stretches s and projected: [`stretch_hessian`] says how
+    /// The Hessian of psi in the entries of F, in the frame of the stretches s and projected: `stretch_hessian` says how
     /// it is laid out.
     fn hessian(&self, s: &[f64], projection: Projection, out: &mut [f64]);
 

@@ -184,7 +184,7 @@ fn groups_that_make_no_sense_are_refused() {
         ("[[equality]]\nvertices = [1, 9]", "equality 0 (0-based): vertex index 9 is out of range"),
         ("[[equality]]\nvertices = [1, 2]\ncoefficients = [1]", "1 coefficients for 2 vertices"),
         ("[[equality]]\nvertices = [1]\nvalue = [0, inf, 0]", "has the number inf"),
-        ("[[equality]]\nvertex = [1]", "unknown key `vertex`; did you mean `vertices`?"),
+        ("[[equality]]\nvertex = [1]", "unknown field `vertex`, expected one of `vertices`"),
         ("[[obstacle]]\npoint = [0, 0, 0]\nnormal = [0, 0, 0]", "obstacle 0 (0-based)"),
         ("[groups.a\nindices = [1]", "line 1:"),
     ] {

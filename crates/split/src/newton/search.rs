@@ -8,6 +8,9 @@ const ARMIJO: f64 = 1e-4;
 /// A step that gains this part of what the quadratic model predicts needs no second opinion.
 const PREDICTED: f64 = 0.9;
 
+/// Changes of the energy, as part of it, that may be rounding.
+const HIDDEN: f64 = 1e-11;
+
 /// Halvings of a step before it is given up.
 const SHORTENINGS: usize = 30;
 
@@ -76,7 +79,9 @@ impl Search {
             if turn == 0 {
                 found.ratio = ratio;
             }
-            let sure = ratio > PREDICTED && model < 0.0;
+            // What rounding hides in the energy cannot tell candidates apart, and the straight one is Newton's.
+            let hidden = -t * slope <= HIDDEN * start.abs();
+            let sure = (ratio > PREDICTED && model < 0.0) || hidden;
             if let (Some(normal), false) = (&mut normal, sure) {
                 self.warp(problem, normal, x, d, t)?;
                 let warped = problem.energy(&self.warped, None);
@@ -96,6 +101,9 @@ impl Search {
                 std::mem::swap(&mut self.best, &mut self.straight);
                 found.energy = Some(straight);
                 return Ok(found);
+            }
+            if hidden {
+                return Ok(found); // a shorter step would only be accepted for going nowhere
             }
             // The minimum of the parabola through both ends.
             let over = straight.value - start - t * slope;
