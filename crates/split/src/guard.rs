@@ -63,7 +63,7 @@ impl InversionGuard {
     }
 
     /// Changes q as little as the elements ask for that the direction -q would invert to first order; false where it
-    /// changes nothing. See [`filter::Filter`].
+    /// changes nothing. See `Filter` in filter.rs.
     pub fn filter(&mut self, x: &[f64], q: &mut [f64]) -> bool {
         self.filter.apply(&self.corners, &self.signs, self.dim, x, q)
     }
