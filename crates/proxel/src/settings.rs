@@ -1,106 +1,17 @@
 //! Settings of `deform`, with their defaults: the one place that the command line, the library and bindings take them from.
 
+mod method;
+mod newton;
 mod rivals;
 
+pub use method::MethodName;
+pub use newton::{NewtonSettings, ProjectionName};
 pub use rivals::{AndersonWindows, QuasiNewton};
 
 use proxel_model::energy::{Lame, Limited, MaterialError};
-use proxel_split::{
-    AutoSettings, Hardening, InnerStop, LbfgsSettings, LinearSolver, Precision, Projection, ProjectionRule, Range,
-    Reweighting,
-};
+use proxel_split::{Hardening, InnerStop, LbfgsSettings, Precision, Range, Reweighting};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-
-/// A method of `deform`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MethodName {
-    /// ADMM of Overby et al. 2017: linear coupling, static weights.
-    AdmmPd,
-    /// Rotation-aware, static weights.
-    RAdmm,
-    /// Linear coupling, dynamic weights.
-    WAdmm,
-    /// Rotation-aware, dynamic weights: Brown and Narain 2021.
-    Wrapd,
-    /// L-BFGS on the energy, preconditioned: Liu, Bouaziz and Kavan 2017.
-    Lbfgs,
-    /// Blended cured quasi-Newton: Zhu, Bridson and Kaufman 2018.
-    Bcqn,
-    /// Anderson-accelerated Douglas-Rachford splitting: Ouyang et al. 2020.
-    Aadr,
-    /// Anderson-accelerated ADMM: Zhang et al. 2019.
-    AaAdmm,
-    /// WRAPD while it is the faster one, then Newton.
-    #[default]
-    Auto,
-    /// Newton on the true Hessian, projected on demand.
-    Newton,
-    /// The same without a factor: truncated conjugate gradients.
-    NewtonCg,
-    /// Newton on a Hessian that is always projected.
-    ProjectedNewton,
-}
-
-impl MethodName {
-    /// All of them.
-    pub const ALL: [MethodName; 12] = [
-        MethodName::AdmmPd,
-        MethodName::RAdmm,
-        MethodName::WAdmm,
-        MethodName::Wrapd,
-        MethodName::Lbfgs,
-        MethodName::Bcqn,
-        MethodName::Aadr,
-        MethodName::AaAdmm,
-        MethodName::Auto,
-        MethodName::Newton,
-        MethodName::NewtonCg,
-        MethodName::ProjectedNewton,
-    ];
-
-    /// Its name on the command line.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            MethodName::AdmmPd => "admm-pd",
-            MethodName::RAdmm => "r-admm",
-            MethodName::WAdmm => "w-admm",
-            MethodName::Wrapd => "wrapd",
-            MethodName::Lbfgs => "lbfgs",
-            MethodName::Bcqn => "bcqn",
-            MethodName::Aadr => "aadr",
-            MethodName::AaAdmm => "aa-admm",
-            MethodName::Auto => "auto",
-            MethodName::Newton => "newton",
-            MethodName::NewtonCg => "newton-cg",
-            MethodName::ProjectedNewton => "projected-newton",
-        }
-    }
-
-    /// Whether the local variable is the stretch of the polar decomposition.
-    pub fn is_rotation_aware(self) -> bool {
-        use MethodName::{Auto, Newton, NewtonCg, ProjectedNewton, RAdmm, Wrapd};
-        matches!(self, RAdmm | Wrapd | Auto | Newton | NewtonCg | ProjectedNewton)
-    }
-
-    /// Whether it splits the problem, so that its weights have to keep a splitting stable.
-    pub fn is_splitting(self) -> bool {
-        use MethodName::{Bcqn, Lbfgs, Newton, NewtonCg, ProjectedNewton};
-        !matches!(self, Lbfgs | Bcqn | Newton | NewtonCg | ProjectedNewton)
-    }
-
-    /// Whether hard sets are split off, so that they can hold: the ADMM family. Other methods need derivatives.
-    pub fn takes_hard_sets(self) -> bool {
-        use MethodName::{AdmmPd, Auto, RAdmm, WAdmm, Wrapd};
-        matches!(self, AdmmPd | RAdmm | WAdmm | Wrapd | Auto)
-    }
-
-    /// Whether weights follow the stiffness.
-    pub fn is_reweighted(self) -> bool {
-        matches!(self, MethodName::WAdmm | MethodName::Wrapd | MethodName::Auto)
-    }
-}
 
 /// Where the paper and its authors' code differ: which of them to follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -167,98 +78,6 @@ pub enum PrecisionName {
     Double,
     /// 32 bits.
     Single,
-}
-
-/// Which Hessian the methods of Newton's kind use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ProjectionName {
-    /// The true one, clamped only where it is not positive definite (Longva et al. 2023).
-    #[default]
-    OnDemand,
-    /// Negative eigenvalues of elements become 0.
-    Clamp,
-    /// Negative eigenvalues of elements become positive.
-    Abs,
-    /// Clamp where the last step went as foretold, absolute where not (Chen et al. 2024).
-    TrustRegion,
-}
-
-/// Settings of the methods of Newton's kind.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct NewtonSettings {
-    /// Which Hessian is used; for `projected-newton`, on demand means clamp.
-    pub projection: ProjectionName,
-    /// Most iterations with a projected Hessian after the true one was not positive definite.
-    pub back_off: usize,
-    /// Whether the rotation-aware candidate is looked at beside the straight step.
-    pub warp: bool,
-    /// Most conjugate-gradient steps an iteration.
-    pub max_inner: usize,
-    /// `auto` turns to Newton when WRAPD gains less than this part of all it has gained, in the time of a Newton iteration.
-    pub gain: f64,
-    /// Iterations over which that is averaged.
-    pub window: usize,
-    /// Iterations of WRAPD after which `auto` tries Newton anyway.
-    pub longest: usize,
-    /// Iterations of WRAPD after Newton has failed the first time.
-    pub retreat: usize,
-    /// Bytes that `auto` lets a factor of the Hessian take; beyond, it uses conjugate gradients.
-    pub memory: f64,
-}
-
-impl Default for NewtonSettings {
-    fn default() -> Self {
-        NewtonSettings {
-            projection: ProjectionName::OnDemand,
-            back_off: 2,
-            warp: true,
-            max_inner: 400,
-            gain: 0.06,
-            window: 5,
-            longest: 200,
-            retreat: 20,
-            memory: 8e9,
-        }
-    }
-}
-
-impl NewtonSettings {
-    /// For the method of this name.
-    pub fn of(&self, name: MethodName) -> proxel_split::NewtonSettings {
-        let on_demand = match name {
-            MethodName::ProjectedNewton => ProjectionRule::Always(Projection::Clamp),
-            _ => ProjectionRule::OnDemand { back_off: self.back_off },
-        };
-        proxel_split::NewtonSettings {
-            name: name.as_str().to_string(),
-            solver: match name {
-                MethodName::NewtonCg => LinearSolver::ConjugateGradients,
-                _ => LinearSolver::Factor,
-            },
-            projection: match self.projection {
-                ProjectionName::OnDemand => on_demand,
-                ProjectionName::Clamp => ProjectionRule::Always(Projection::Clamp),
-                ProjectionName::Abs => ProjectionRule::Always(Projection::Absolute),
-                ProjectionName::TrustRegion => ProjectionRule::TrustRegion,
-            },
-            warp: self.warp,
-            max_inner: self.max_inner,
-        }
-    }
-
-    /// For `auto`.
-    pub fn auto(&self) -> AutoSettings {
-        AutoSettings {
-            newton: self.of(MethodName::Auto),
-            gain: self.gain,
-            window: self.window,
-            longest: self.longest,
-            retreat: self.retreat,
-            memory: self.memory,
-        }
-    }
 }
 
 /// Settings of the splitting methods.

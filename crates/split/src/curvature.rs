@@ -26,9 +26,6 @@ pub trait Curvature {
     /// which this does nothing.
     fn add_hessian(&mut self, x: &[f64], projection: Projection, values: &mut [f64]);
 
-    /// Adds the product of d^2 E / dx^2 at x with a step to `out`, without a matrix.
-    fn add_hessian_product(&mut self, x: &[f64], step: &[f64], projection: Projection, out: &mut [f64]);
-
     /// Adds the gradient at x of 1/2 sum w^2 |Dx - T|^2 to `grad`, T being what F becomes under a rotation-aware reading of
     /// a step: with F = U S V^T and dF = U h V^T,
     ///

@@ -4,7 +4,7 @@ use super::chunks::BLOCKS;
 use super::coupling::Coupling;
 use super::pairs::{Pairs, corner_pairs, over_pairs};
 use super::passes::{Chunk, Nothing, Piece, Shared, over_chunks};
-use super::second::{AddBlocks, AddProduct, AddWarped, Decompose, Second};
+use super::second::{AddBlocks, AddWarped, Decompose, Second};
 use super::shape::{Shape, Simplex};
 use super::stretch_hessian::curvatures;
 use super::{Elements, shared};
@@ -86,33 +86,6 @@ where
             }
         });
         pairs.add_partials::<D>(values);
-    }
-
-    fn add_hessian_product(&mut self, x: &[f64], step: &[f64], projection: Projection, out: &mut [f64]) {
-        self.spread(step);
-        let range = self.all_chunks();
-        let shared = shared!(self, x: x, p: &[], u: &[]);
-        let far = &self.far;
-        let piece = Piece { near: &mut self.near, partials: &mut self.partials, ..Default::default() };
-        let Nothing = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
-            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
-            let step = chunk.rest(far, D);
-            piece.partials.fill(0.0);
-            let mut scratch = Second::new();
-            for group in chunk.groups() {
-                decompose::<D, K>(&shared, &chunk, group.clone(), Some(projection), &mut scratch);
-                dispatch(AddProduct::<D, K> {
-                    shared: &shared,
-                    chunk: &chunk,
-                    group,
-                    step,
-                    partials: piece.partials,
-                    scratch: &scratch,
-                });
-            }
-            Nothing
-        });
-        self.chunks.add_partials::<D>(&self.partials, out);
     }
 
     fn add_warped_gradient(&mut self, x: &[f64], step: &[f64], grad: &mut [f64]) {

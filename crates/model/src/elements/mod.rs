@@ -7,6 +7,7 @@ mod curvature;
 #[cfg(test)]
 mod curvature_tests;
 mod density;
+mod hardening;
 mod kernels;
 mod matrix;
 mod pairs;
@@ -26,7 +27,7 @@ pub use rest::{ElementError, Rest};
 pub use shape::{Decomposed, Shape, Simplex};
 
 use chunks::{BLOCKS, Chunks};
-use kernels::{Couple, EnergyIn, EnergyOut, Gap, LocalIn, LocalOut, Penalty, Scratch};
+use kernels::{Couple, EnergyIn, EnergyOut, LocalIn, LocalOut, Penalty, Scratch};
 use pairs::Pairs;
 use passes::{Chunk, Largest, Nothing, Piece, Shared, Sizes, over_chunks};
 use proxel_linalg::simd::{LANES, dispatch};
@@ -40,9 +41,6 @@ use std::sync::Arc;
 /// Padding lanes repeat the last element with this part of its measure and weight, a power of two: their ratio, and so the
 /// prox, is that of the element, and their contribution vanishes in every sum.
 const PADDING: f64 = f64::from_bits((1023 - 600) << 52);
-
-/// Candidate weights are never hardened past this part of V K_e.
-const HARDEST: f32 = 4.0;
 
 /// sum_e V_e psi(F_e) over simplices with D x K deformation gradients (tetrahedra 3 x 3, triangles in space 3 x 2 or in
 /// the plane 2 x 2, springs D x 1), split by the coupling C.
@@ -430,22 +428,7 @@ where
     }
 
     fn harden(&mut self, rule: &Hardening, x: &[f64], p: &[f64], u: &[f64]) -> bool {
-        let mut gaps = std::mem::take(&mut self.proposed);
-        gaps.resize(self.measure.len(), 0.0);
-        let total = self.gaps(x, p, u, &mut gaps).gap2;
-        self.hardened.resize(self.measure.len(), self.softening as f32);
-        let open = self.hardened.iter().zip(&gaps).filter(|(hardened, _)| **hardened < HARDEST);
-        let most = open.map(|(_, gap2)| *gap2).fold(0.0, f64::max);
-        let least = (rule.above * total / self.n_elems() as f64).min(0.5 * most);
-        let mut raised = false;
-        for (hardened, gap2) in self.hardened.iter_mut().zip(&gaps) {
-            if *gap2 >= least && *hardened < HARDEST {
-                *hardened = (*hardened * rule.factor as f32).min(HARDEST);
-                raised = true;
-            }
-        }
-        self.proposed = gaps;
-        raised
+        self.raise(rule, x, p, u)
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
@@ -490,24 +473,6 @@ impl<const D: usize, const K: usize, C: Coupling<D, K>> Elements<D, K, C>
 where
     Simplex: Shape<D, K>,
 {
-    /// How far c(Dx) is from z, and w^2 |c(Dx) - z|^2 of each element, [block][lane], where there is room for it.
-    fn gaps(&mut self, x: &[f64], p: &[f64], u: &[f64], out: &mut [f64]) -> Residual {
-        let range = self.all_chunks();
-        let shared = shared!(self, x: x, p: p, u: u);
-        let piece = Piece { near: &mut self.near, p: out, ..Default::default() };
-        let sizes = Sizes { local: 1, ..Self::SIZES };
-        over_chunks(&self.chunks, piece, range, &sizes, &|c, piece| {
-            let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
-            let out = piece.p;
-            let mut residual = Residual::default();
-            for group in chunk.groups() {
-                let (shared, chunk) = (&shared, &chunk);
-                residual += dispatch(Gap::<C, D, K> { shared, chunk, group, out, coupling: PhantomData });
-            }
-            residual
-        })
-    }
-
     /// The gradients of the K + 1 barycentric coordinates of the element at `place`: rows of D_e.
     fn corner_gradients(&self, place: usize) -> [[f64; K]; 4] {
         let mut g = [[0.0; K]; 4];

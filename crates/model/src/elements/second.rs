@@ -268,63 +268,6 @@ fn step_in_frame<I: Isa, const D: usize, const K: usize>(
     (h, fv)
 }
 
-/// Adds V d^2 psi / dF^2 dF D to the partial sums of forces of a group.
-pub(super) struct AddProduct<'a, const D: usize, const K: usize> {
-    pub shared: &'a Shared<'a, K>,
-    pub chunk: &'a Chunk<'a>,
-    pub group: Range<usize>,
-    pub step: &'a [f64], // chunk-local
-    pub partials: &'a mut [f64],
-    pub scratch: &'a Second,
-}
-
-impl<const D: usize, const K: usize> Kernel for AddProduct<'_, D, K>
-where
-    Simplex: Shape<D, K>,
-{
-    type Output = ();
-    #[inline(always)]
-    fn run<I: Isa>(self) {
-        let zero = F8::<I>::zero();
-        for (place, b) in self.group.enumerate() {
-            let d = Decomposed::<F8<I>, D, K>::kept(block(&self.scratch.at, place, KEPT));
-            let modes = Modes::<I, K>::load(block(&self.scratch.curvature, place, curvatures(K)));
-            let inverse = inverse_edges::<I, D, K>(self.shared, self.chunk, b);
-            let df = deformation_gradient(self.step, self.chunk.local(b), &inverse);
-            let (h, fv) = step_in_frame(&d, &df);
-            let mut m = [[zero; K]; K];
-            for i in 0..K {
-                for j in 0..K {
-                    if i == j {
-                        for k in 0..K {
-                            m[i][i] = modes.entries[i][k].mul_add(h[k][k], m[i][i]);
-                        }
-                    } else {
-                        m[i][j] = modes.same[i][j].mul_add(h[i][j], modes.other[i][j] * h[j][i]);
-                    }
-                }
-            }
-            let mut stress = times_frame(&d.u, &m, &d.v);
-            if D > K {
-                for k in 0..K {
-                    for r in 0..D {
-                        let mut out = fv[r][k]; // (1 - U U^T) dF V
-                        for i in 0..K {
-                            out -= d.u[r][i] * h[i][k];
-                        }
-                        let out = out * modes.normal[k];
-                        for c in 0..K {
-                            stress[r][c] = out.mul_add(d.v[c][k], stress[r][c]);
-                        }
-                    }
-                }
-            }
-            let measure = F8::load_at(self.shared.measure, self.chunk.global(b));
-            add_forces(&stress, measure, &inverse, self.chunk.local(b), self.partials);
-        }
-    }
-}
-
 /// Adds the gradient of 1/2 w^2 |F - T|^2, T the target of [`proxel_split::Curvature::add_warped_gradient`].
 pub(super) struct AddWarped<'a, const D: usize, const K: usize> {
     pub shared: &'a Shared<'a, K>,

@@ -344,7 +344,7 @@ fn solve(
     let mut stuck = NoProgress::new(REFUSALS);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
-    let mut watcher = watch::Watcher::new(body, hooks, reference_gradient, began, method.x().to_vec());
+    let mut watcher = watch::Watcher::new(body, hooks, began, method.x().to_vec());
     let mut stops: Vec<&mut dyn Stop> = vec![if hard { &mut residual_tolerance } else { &mut tolerance }];
     if let Some(patch) = &mut patch {
         stops.push(patch);
@@ -358,11 +358,4 @@ fn solve(
     let contacts = body.obstacles().map(|term| method.forces_of_term(term).unwrap_or_default()).collect();
     let problem = method.into_problem();
     Ok(Finished { outcome, problem, reference_gradient, forces, contacts, residuals, factor_bytes, setup, solve })
-}
-
-impl MethodName {
-    /// From its name on the command line.
-    pub fn from_name(name: &str) -> Option<MethodName> {
-        MethodName::ALL.into_iter().find(|m| m.as_str() == name)
-    }
 }

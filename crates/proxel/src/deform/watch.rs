@@ -41,7 +41,7 @@ pub(super) struct Watcher<'a, 'b> {
 }
 
 impl<'a, 'b> Watcher<'a, 'b> {
-    pub fn new(body: &'a Body, hooks: &'a mut Hooks<'b>, _reference: f64, began: Instant, start: Vec<f64>) -> Self {
+    pub fn new(body: &'a Body, hooks: &'a mut Hooks<'b>, began: Instant, start: Vec<f64>) -> Self {
         Watcher { body, hooks, began, watching: Duration::ZERO, start }
     }
 }
