@@ -6,7 +6,7 @@ use crate::data::{Model, solved};
 use crate::parts::centaur_or_beam;
 use crate::runs::{Level, Run, Runner};
 use crate::table::{Table, seconds};
-use proxel::settings::DeformSettings;
+use proxel::settings::{DeformSettings, MethodName};
 
 /// Gradient of the minima that errors are measured against: their own errors are far below the level.
 const TOLERANCE: f64 = 1e-8;
@@ -27,7 +27,10 @@ pub fn growth(tell: &mut dyn FnMut(&str)) -> Result<String, BenchError> {
         let least_energy = model.least_energy()?;
         tell(&format!("{}: to 1e-3", model.name));
         let runner = Runner { model: &model, least_energy, levels: &[level], repeats: 1 };
-        let run: Run = runner.run("wrapd", &DeformSettings { threads: Some(2), ..DeformSettings::default() })?;
+        let run: Run = runner.run(
+            "wrapd",
+            &DeformSettings { method: MethodName::Wrapd, threads: Some(2), ..DeformSettings::default() },
+        )?;
         let first = run.points.first().map_or(0.0, |p| p.seconds);
         let last = run.last();
         let reached = run.reached(level).map_or("not reached".to_string(), |p| p.iteration.to_string());

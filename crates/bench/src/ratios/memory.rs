@@ -4,7 +4,7 @@ use super::{Row, Threshold};
 use crate::BenchError;
 use crate::parts::centaur_or_beam;
 use proxel::deform::{Hooks, deform};
-use proxel::settings::DeformSettings;
+use proxel::settings::{DeformSettings, MethodName};
 
 /// The argument that makes the program the child which is measured.
 pub const CHILD: &str = "--memory-child";
@@ -29,7 +29,12 @@ pub struct Footprint {
 /// A model that cannot be read or solved; a system without /proc.
 pub fn child() -> Result<String, BenchError> {
     let model = centaur_or_beam()?;
-    let settings = DeformSettings { max_iters: ITERATIONS, threads: Some(2), ..DeformSettings::default() };
+    let settings = DeformSettings {
+        method: MethodName::Wrapd,
+        max_iters: ITERATIONS,
+        threads: Some(2),
+        ..DeformSettings::default()
+    };
     let mut input = model.input;
     input.reference = None; // what only measures is no part of a solve
     let end = deform(&input, &settings, &mut Hooks::default()).map_err(BenchError::from_display)?;
@@ -67,7 +72,7 @@ pub(super) fn rows() -> Result<Vec<Row>, BenchError> {
     let Footprint { peak, factor, tets } = footprint()?;
     let megabytes = |b: u64| b as f64 / 1e6;
     Ok(vec![Row {
-        quantity: format!("bytes of a solve of {ITERATIONS} iterations less the factor"),
+        quantity: format!("bytes of {ITERATIONS} iterations of wrapd less the factor"),
         against: format!("{tets} tetrahedra"),
         figures: format!("{:.1} MB, the factor {:.1} MB", megabytes(peak), megabytes(factor)),
         ratio: Some(peak.saturating_sub(factor) as f64 / tets.max(1) as f64),

@@ -7,7 +7,7 @@ use crate::BenchError;
 use crate::plot::{Axis, Line, Panel};
 use crate::runs::CONVERGED;
 use crate::table::{Table, cost};
-use proxel::settings::{AdmmSettings, BaseWeight, DeformSettings, InnerStopName, LocalFrame, Schedule};
+use proxel::settings::{AdmmSettings, BaseWeight, DeformSettings, InnerStopName, LocalFrame, MethodName, Schedule};
 use std::fmt::Write as _;
 
 /// One thing that is changed.
@@ -26,8 +26,10 @@ const CHANGES: [Change; 8] = [
 ];
 
 pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
-    let of =
-        |name: &str, schedule: Schedule| Variant { name: name.to_string(), settings: DeformSettings::of(schedule) };
+    let of = |name: &str, schedule: Schedule| Variant {
+        name: name.to_string(),
+        settings: DeformSettings { method: MethodName::Wrapd, ..DeformSettings::of(schedule) },
+    };
     let default = of("default", Schedule::Default);
     let mut variants = vec![default.clone(), of("reference", Schedule::Reference), of("paper", Schedule::Paper)];
     let schedules = variants.len();
