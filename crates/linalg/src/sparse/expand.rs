@@ -1,5 +1,6 @@
 //! The analysis of a matrix of blocks from that of the graph of its vertices.
 
+use super::assemble::MOST;
 use super::etree::NONE;
 use super::ordering::Permutation;
 use super::symbolic::{Group, Supernode};
@@ -11,11 +12,11 @@ impl Symbolic {
     /// takes a fraction of an analysis of the larger pattern. Values are those of a [`super::BlockMatrix`].
     ///
     /// # Errors
-    /// A size beyond 32-bit indices, a block of zero, or an analysis that is expanded already.
+    /// A size beyond 32-bit indices, a block of none or of more than 3, or an analysis that is expanded already.
     pub fn expanded(&self, block: usize) -> Result<Self, SparseError> {
         let limit = i32::MAX as usize - 1;
         let size = self.n().saturating_mul(block).max(self.rows.len().saturating_mul(block));
-        if size > limit || block == 0 || self.block != 1 {
+        if size > limit || block == 0 || block > MOST || self.block != 1 {
             return Err(SparseError::TooLarge { what: "the number of unknowns in blocks", size, limit });
         }
         let each = |of: &[u32]| -> Vec<u32> {

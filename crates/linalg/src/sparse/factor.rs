@@ -1,7 +1,7 @@
 //! Multifrontal numeric factorisation.
 
 use super::SparseError;
-use super::assemble::{Part, add_child, add_entries};
+use super::assemble::{AddChild, Part, add_entries};
 use super::dense::{BadPivot, FactorBand, FactorRows, Update};
 use super::etree::NONE;
 use super::front::FrontMemory;
@@ -22,8 +22,18 @@ const BAND: usize = 16;
 /// Products above this many multiply-adds are shared among threads.
 const SPLIT: f64 = 4e6;
 
-/// A Cholesky factor A = P^T L L^T P of a symmetric positive definite matrix, kept as a solve reads it:
-/// for each supernode `L11^-1` and `-L21 L11^-1`.
+/// What a factor is made for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Purpose {
+    /// Many solves: for each supernode `L11^-1` and `-L21 L11^-1` are kept, so that a solve is one product with each.
+    #[default]
+    ManySolves,
+    /// A few: `L11^-1` and `L21` are, which saves the factorisation the second product, and costs a solve a second step
+    /// within each supernode.
+    FewSolves,
+}
+
+/// A Cholesky factor A = P^T L L^T P of a symmetric positive definite matrix, kept as a solve reads it, see [`Purpose`].
 ///
 /// `T` is the precision of the factor. An `f32` factor is made of the matrix scaled to a unit diagonal by powers
 /// of two, so that its exponent range does not matter; its solves have six or seven digits ([`super::MixedCholesky`] corrects them).
@@ -51,13 +61,19 @@ pub struct Cholesky<T: Scalar> {
     pub(super) scale: Vec<f64>,
     pub(super) factored: bool,
     pub(super) level: Level,
+    pub(super) purpose: Purpose,
     precision: PhantomData<T>,
 }
 
 impl<T: Scalar> Cholesky<T> {
-    /// A factor without numbers yet; all memory is taken here.
+    /// A factor for many solves, without numbers yet; all memory is taken here.
     pub fn new(symbolic: Arc<Symbolic>) -> Self {
         Self::with_level(symbolic, Level::best())
+    }
+
+    /// The same for another purpose. Results differ in rounding.
+    pub fn for_purpose(symbolic: Arc<Symbolic>, purpose: Purpose) -> Self {
+        Self { purpose, ..Self::new(symbolic) }
     }
 
     /// As [`Self::new`], with kernels for this instruction set (or the best of this machine, if that is less).
@@ -72,6 +88,7 @@ impl<T: Scalar> Cholesky<T> {
             scale: Vec::new(),
             factored: false,
             level,
+            purpose: Purpose::default(),
             precision: PhantomData,
             symbolic,
         }
@@ -116,6 +133,7 @@ impl<T: Scalar> Cholesky<T> {
         }
         let job = Job::<T> {
             level: self.level,
+            purpose: self.purpose,
             symbolic: &self.symbolic,
             layout: &self.layout,
             values,
@@ -178,6 +196,7 @@ struct Failure {
 
 struct Job<'a, T: Scalar> {
     level: Level,
+    purpose: Purpose,
     symbolic: &'a Symbolic,
     layout: &'a Layout,
     values: &'a [f64],
@@ -275,8 +294,13 @@ impl<T: Scalar> Job<'_, T> {
             self.add_children(s, &memory, Part::Update);
         }
         copy_triangle(&memory);
-        let flops = (front.m * front.w * front.w) as f64 / 2.0;
-        over_blocks(0..front.blocks(), flops, &|rows| T::dispatch(self.level, Invert { memory, rows }));
+        let blocks = match self.purpose {
+            Purpose::ManySolves => front.blocks(),
+            // The last of them may hold rows of L21 too; they are multiplied as well.
+            Purpose::FewSolves => front.triangle_blocks(),
+        };
+        let flops = (blocks * T::LANES * front.w * front.w) as f64 / 2.0;
+        over_blocks(0..blocks, flops, &|rows| T::dispatch(self.level, Invert { memory, rows }));
         Ok(())
     }
 
@@ -287,10 +311,8 @@ impl<T: Scalar> Job<'_, T> {
             let relative = &self.symbolic.relative[child.row_start..child.row_start + child.below];
             let front = self.layout.front(self.symbolic, c);
             // SAFETY: the child is done, and its update matrix stays until this supernode is.
-            unsafe {
-                let update = self.arena.at(self.layout.update[c] * T::LANES);
-                add_child(&front, update, relative, memory, part);
-            }
+            let update = unsafe { self.arena.at(self.layout.update[c] * T::LANES) };
+            T::dispatch(self.level, AddChild { child: front, update, relative, parent: *memory, part });
         }
     }
 

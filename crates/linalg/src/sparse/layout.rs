@@ -25,6 +25,12 @@ impl Front {
         self.m.div_ceil(self.lanes)
     }
 
+    /// Blocks that hold rows of L11.
+    #[inline(always)]
+    pub fn triangle_blocks(&self) -> usize {
+        self.w.div_ceil(self.lanes)
+    }
+
     /// Columns of block b.
     #[inline(always)]
     pub fn block_columns(&self, b: usize) -> usize {
@@ -69,7 +75,7 @@ impl Front {
 
     /// Lines of the copy of L11 that the inversion reads, column blocks of rows, and of the reciprocal pivots.
     pub fn work_lines(&self) -> usize {
-        let blocks = self.w.div_ceil(self.lanes);
+        let blocks = self.triangle_blocks();
         (0..blocks).map(|b| self.w - b * self.lanes).sum::<usize>() + 2 * blocks
     }
 }

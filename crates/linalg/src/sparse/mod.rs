@@ -36,7 +36,7 @@ mod x86;
 
 pub use blocks::BlockMatrix;
 pub use error::SparseError;
-pub use factor::Cholesky;
+pub use factor::{Cholesky, Purpose};
 pub use mixed::{Corrected, MixedCholesky, MixedScratch};
 pub use ordering::{Ordering, Permutation, order};
 pub use pattern::SymPattern;

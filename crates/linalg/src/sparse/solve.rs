@@ -1,7 +1,7 @@
 //! Triangular solves over the tree of groups.
 
 use super::SparseError;
-use super::factor::{Cholesky, power_of_two_below};
+use super::factor::{Cholesky, Purpose, power_of_two_below};
 use super::memory::{Lines, Shared};
 use super::pattern::check_length;
 use super::sweep::{Step, Sweep, stride};
@@ -150,9 +150,14 @@ impl<T: Scalar, const NR: usize> Task<'_, T, NR> {
         let panels: *const T = factor.panels.as_ptr();
         let step = |s: usize| {
             let (from, to) = (layout.index_ptr[s], layout.index_ptr[s + 1]);
+            let (w, blocks) = (symbolic.supernodes[s].width, (to - from) / T::LANES);
             Step {
-                w: symbolic.supernodes[s].width,
-                blocks: (to - from) / T::LANES,
+                w,
+                blocks,
+                product: match factor.purpose {
+                    Purpose::ManySolves => blocks,
+                    Purpose::FewSolves => w.div_ceil(T::LANES),
+                },
                 // SAFETY: offsets of the layout.
                 panel: unsafe { panels.add(layout.panel[s] * T::LANES) },
                 index: layout.index[from..to].as_ptr(),

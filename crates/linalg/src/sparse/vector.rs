@@ -39,6 +39,13 @@ impl Line {
     pub const ZERO: Self = Line([0; 64]);
 }
 
+/// From which lane of one line each lane of another takes its value.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Route {
+    /// Lane by lane of the receiving line; any where none is to be taken.
+    pub from: [u8; 16],
+}
+
 /// A computation over lines of T; `run` and all it calls in hot loops must be `#[inline(always)]`.
 pub trait Kernel<T> {
     type Output;
@@ -66,6 +73,11 @@ pub trait Vector<T>: Copy {
     unsafe fn neg(self) -> Self;
     /// Sum over lanes, in a fixed order.
     unsafe fn sum(self) -> T;
+    /// A [`Route`] as `add_routed` takes it.
+    type Routed: Copy;
+    unsafe fn routed(route: &Route) -> Self::Routed;
+    /// `to[t] += self[route.from[t]]` for the lanes t of `lanes`; the others stay. `to` is aligned to a line.
+    unsafe fn add_routed(self, routed: Self::Routed, lanes: u16, to: *mut T);
     /// `vector[index[l], c] += v[c][l]` for rows of `stride(NR)` values.
     #[inline(always)]
     unsafe fn scatter_add<const NR: usize>(v: [Self; NR], index: *const u32, vector: *mut T)
@@ -128,6 +140,26 @@ macro_rules! arrays {
         // SAFETY (all methods): plain arithmetic; pointers are the caller's promise.
         impl Vector<$t> for $name {
             const WIDE: bool = false;
+            type Routed = Route;
+            #[inline(always)]
+            unsafe fn routed(route: &Route) -> Route {
+                *route
+            }
+            #[inline(always)]
+            unsafe fn add_routed(self, routed: Route, lanes: u16, to: *mut $t) {
+                let mut line = Line::ZERO;
+                let mut open = lanes;
+                // SAFETY: lanes and what they take are less than LANES.
+                unsafe {
+                    let from: *mut $t = (&raw mut line).cast();
+                    self.store(from);
+                    while open != 0 {
+                        let t = open.trailing_zeros() as usize;
+                        *to.add(t) += *from.add(routed.from[t] as usize);
+                        open &= open - 1;
+                    }
+                }
+            }
             #[inline(always)]
             unsafe fn zero() -> Self {
                 $name([0.0; $lanes])

@@ -1,11 +1,11 @@
 //! Lines under AVX2 + FMA (two registers) and AVX-512 (one).
 
-use super::vector::Vector;
+use super::vector::{Line, Route, Vector};
 use std::arch::x86_64::*;
 
 macro_rules! avx512 {
     ($name:ident, $t:ty, $r:ty, $zero:ident, $splat:ident, $load:ident, $store:ident, $fma:ident, $fnma:ident,
-     $add:ident, $mul:ident, $sub:ident, $sum:ident) => {
+     $add:ident, $mul:ident, $sub:ident, $sum:ident, $routed:ty, $routing:ident, $pick:ident, $add_some:ident, $mask:ty) => {
         /// A line in one 512-bit register.
         #[derive(Clone, Copy)]
         pub struct $name($r);
@@ -13,6 +13,18 @@ macro_rules! avx512 {
         #[allow(clippy::missing_safety_doc)]
         impl Vector<$t> for $name {
             const WIDE: bool = true;
+            type Routed = $routed;
+            #[inline(always)]
+            unsafe fn routed(route: &Route) -> $routed {
+                unsafe { $routing(_mm_loadu_si128(route.from.as_ptr().cast())) }
+            }
+            #[inline(always)]
+            unsafe fn add_routed(self, routed: $routed, lanes: u16, to: *mut $t) {
+                unsafe {
+                    let before = $load(to);
+                    $store(to, $add_some(before, lanes as $mask, before, $pick(routed, self.0)));
+                }
+            }
             #[inline(always)]
             unsafe fn zero() -> Self {
                 unsafe { Self($zero()) }
@@ -69,7 +81,12 @@ avx512!(
     _mm512_add_pd,
     _mm512_mul_pd,
     _mm512_sub_pd,
-    _mm512_reduce_add_pd
+    _mm512_reduce_add_pd,
+    __m512i,
+    _mm512_cvtepu8_epi64,
+    _mm512_permutexvar_pd,
+    _mm512_mask_add_pd,
+    u8
 );
 avx512!(
     F32Avx512,
@@ -84,7 +101,12 @@ avx512!(
     _mm512_add_ps,
     _mm512_mul_ps,
     _mm512_sub_ps,
-    _mm512_reduce_add_ps
+    _mm512_reduce_add_ps,
+    __m512i,
+    _mm512_cvtepu8_epi32,
+    _mm512_permutexvar_ps,
+    _mm512_mask_add_ps,
+    u16
 );
 
 macro_rules! avx2 {
@@ -97,6 +119,26 @@ macro_rules! avx2 {
         #[allow(clippy::missing_safety_doc)]
         impl Vector<$t> for $name {
             const WIDE: bool = false;
+            type Routed = Route;
+            #[inline(always)]
+            unsafe fn routed(route: &Route) -> Route {
+                *route
+            }
+            #[inline(always)]
+            unsafe fn add_routed(self, routed: Route, lanes: u16, to: *mut $t) {
+                let mut line = Line::ZERO;
+                let mut open = lanes;
+                // SAFETY: lanes and what they take are less than LANES.
+                unsafe {
+                    let from: *mut $t = (&raw mut line).cast();
+                    self.store(from);
+                    while open != 0 {
+                        let t = open.trailing_zeros() as usize;
+                        *to.add(t) += *from.add(routed.from[t] as usize);
+                        open &= open - 1;
+                    }
+                }
+            }
             #[inline(always)]
             unsafe fn zero() -> Self {
                 unsafe { Self($zero(), $zero()) }

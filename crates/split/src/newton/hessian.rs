@@ -1,7 +1,7 @@
 //! The Hessian of a problem: assembled, multiplied, factored.
 
 use crate::{NormalMatrix, Problem, Projection, SystemError};
-use proxel_linalg::sparse::{BlockMatrix, Cholesky, SolveScratch, SparseError, Symbolic};
+use proxel_linalg::sparse::{BlockMatrix, Cholesky, Purpose, SolveScratch, SparseError, Symbolic};
 use std::sync::Arc;
 
 /// d^2 E / dx^2 over the free nodes, and its factor in f32 where one is asked for.
@@ -114,7 +114,7 @@ impl Hessian {
                     None => Arc::new(normal.symbolic().expanded(self.matrix.dim())?),
                 };
                 self.symbolic = Some(symbolic.clone());
-                none.insert(Cholesky::new(symbolic))
+                none.insert(Cholesky::for_purpose(symbolic, Purpose::FewSolves))
             }
         };
         match factor.refactor_if_definite(self.matrix.values()) {
