@@ -23,8 +23,8 @@ pub struct AutoSettings {
 }
 
 /// What an iteration of Newton costs in iterations of the splitting, counted, not timed, so that a run is the same on any
-/// machine. Measured on nine models of 20,000 to 100,000 tetrahedra: an element costs the splitting 0.4 microseconds of a
-/// core an iteration, and Newton 1 besides its linear solver; a factorisation runs at 67 billion operations a second
+/// machine. Measured on nine models of 20,000 to 100,000 tetrahedra: an element costs the splitting 0.28 microseconds of a
+/// core an iteration, and Newton 0.6 besides its linear solver; a factorisation runs at 67 billion operations a second
 /// and core, and conjugate gradients read 6 billion bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Price {
@@ -35,9 +35,9 @@ pub struct Price {
 }
 
 /// Seconds of a core that an iteration of the splitting spends on an element.
-const SPLITTING: f64 = 0.4e-6;
+const SPLITTING: f64 = 0.28e-6;
 /// And Newton, besides its linear solver.
-const ASSEMBLY: f64 = 1e-6;
+const ASSEMBLY: f64 = 0.6e-6;
 /// Seconds a floating-point operation of a factorisation.
 const FLOP: f64 = 1.5e-11;
 /// Seconds a byte that conjugate gradients read.

@@ -2,7 +2,7 @@
 
 use super::elements::{Cells, add_weights, build};
 use super::{DeformError, DeformInput, constraints, planar, sheet, start};
-use crate::settings::DeformSettings;
+use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::{check, topology};
 use proxel_split::{PointSpring, Problem, Quadratic, SystemError};
 
@@ -78,17 +78,23 @@ impl Body {
                 barrier |= built.barrier;
             }
         }
-        let x0 = match &input.start {
-            Some(start) => body.with_targets(body.centred(start)),
-            None => {
-                let mut points = quadratic.points.clone();
-                let modulus = settings.material.modulus().map_err(|e| DeformError(e.to_string()))?;
-                points.iter_mut().for_each(|p| p.stiffness /= modulus);
-                start::smooth(&kinds, &number, &rest, body.with_targets(rest.clone()), body.n_free, body.dim, points)?
+        let modulus = settings.material.modulus().map_err(|e| DeformError(e.to_string()))?;
+        let mut points = quadratic.points.clone();
+        points.iter_mut().for_each(|p| p.stiffness /= modulus);
+        let at_targets = body.with_targets(rest.clone());
+        let smooth = || start::smooth(&kinds, &number, &rest, at_targets, body.n_free, body.dim, points);
+        let mut problem = Problem { dim: body.dim, n_free: body.n_free, x0: Vec::new(), terms, quadratic, barrier };
+        match &input.start {
+            Some(start) => {
+                problem.x0 = body.with_targets(body.centred(start));
+                if settings.method == MethodName::Auto {
+                    let warning = start::replace_if_hopeless(&mut problem, smooth)?;
+                    body.warnings.extend(warning);
+                }
             }
-        };
+            None => problem.x0 = smooth()?,
+        }
         body.reference = input.reference.as_ref().map(|r| body.centred(r));
-        let mut problem = Problem { dim: body.dim, n_free: body.n_free, x0, terms, quadratic, barrier };
         let around =
             constraints::Around { name: &body.name, input, number: &number, center: body.center, kinds: &kinds };
         let obstacles = problem.terms.len();

@@ -1,4 +1,4 @@
-//! A start where none is given.
+//! A start where none is given, or none that is of use.
 
 use super::DeformError;
 use super::elements::Cells;
@@ -57,4 +57,36 @@ pub(super) fn smooth(
     normal.solve(&mut g).map_err(refuse)?;
     vector::add_scaled(&mut x[..n_free * dim], -1.0, &g);
     Ok(x)
+}
+
+/// A start with more than this part of its elements inverted or collapsed says nothing about the body.
+const HOPELESS: f64 = 0.05;
+
+/// Puts the smooth start in the place of a hopeless one, where the energy forbids inversion and the smooth one has
+/// less of it; says so. From where most elements are inverted a descent ends in knots, if it ends at all.
+pub(super) fn replace_if_hopeless(
+    problem: &mut Problem,
+    smooth: impl FnOnce() -> Result<Vec<f64>, DeformError>,
+) -> Result<Option<String>, DeformError> {
+    if !problem.barrier {
+        return Ok(None);
+    }
+    let x0 = std::mem::take(&mut problem.x0);
+    let elements: usize = problem.terms.iter().map(|term| term.n_elems()).sum();
+    let given = problem.energy(&x0, None);
+    problem.x0 = x0;
+    if given.inverted as f64 <= HOPELESS * elements as f64 {
+        return Ok(None);
+    }
+    // Without a smooth start, as where a component is held by loads alone, the given one is what there is.
+    let Ok(x) = smooth() else { return Ok(None) };
+    if problem.energy(&x, None).inverted >= given.inverted {
+        return Ok(None);
+    }
+    problem.x0 = x;
+    Ok(Some(format!(
+        "{} of the {elements} elements of the start are inverted or collapsed: auto began from a smooth start instead; other \
+         methods begin where they are told",
+        given.inverted
+    )))
 }

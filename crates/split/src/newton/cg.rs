@@ -22,6 +22,8 @@ pub struct CgReport {
     pub end: CgEnd,
     /// |H d + g| / |g| at the end.
     pub residual: f64,
+    /// d . H d
+    pub curvature: f64,
 }
 
 /// The preconditioned conjugate gradient method for H d = -g, which stops where H has no positive curvature along its
@@ -63,7 +65,7 @@ impl Cg {
         self.p.copy_from_slice(&self.z);
         let mut rz = vector::dot(&self.r, &self.z);
         let size = vector::norm(g);
-        let mut report = CgReport { steps: 0, end: CgEnd::Limit, residual: 1.0 };
+        let mut report = CgReport { steps: 0, end: CgEnd::Limit, residual: 1.0, curvature: 0.0 };
         let sound = rz > 0.0 && rz.is_finite();
         if !sound {
             report.end = CgEnd::Solved;
@@ -76,6 +78,7 @@ impl Cg {
             if !sound {
                 if report.steps == 0 {
                     self.d.copy_from_slice(&self.p);
+                    report.curvature = curvature;
                 }
                 report.end = CgEnd::NegativeCurvature;
                 return Ok(report);
@@ -83,6 +86,7 @@ impl Cg {
             let alpha = rz / curvature;
             vector::add_scaled(&mut self.d, alpha, &self.p);
             vector::add_scaled(&mut self.r, -alpha, &self.q);
+            report.curvature += alpha * rz; // the directions are conjugate
             report.steps += 1;
             report.residual = vector::norm(&self.r) / size;
             let open = report.residual > tolerance;
@@ -131,6 +135,7 @@ mod tests {
         for (d, want) in cg.d.iter().zip([-1.0, 1.0, -1.5, -0.8]) {
             assert!((d - want).abs() < 1e-12, "{d} {want}");
         }
+        assert!((report.curvature - (1.0 + 2.0 + 4.5 + 3.2)).abs() < 1e-12, "{}", report.curvature);
     }
 
     #[test]

@@ -10,6 +10,7 @@ pub struct Hessian {
     form: Vec<f64>, // of the quadratic form and of springs at points, slot by slot; empty where there is none
     symbolic: Option<Arc<Symbolic>>, // of the factor
     factor: Option<Cholesky<f32>>,
+    factored: bool, // the last attempt to factor was a success
     scratch: SolveScratch,
 }
 
@@ -73,7 +74,7 @@ impl Hessian {
                 }
             });
         }
-        Ok(Hessian { matrix, form, symbolic: None, factor: None, scratch: SolveScratch::default() })
+        Ok(Hessian { matrix, form, symbolic: None, factor: None, factored: false, scratch: SolveScratch::default() })
     }
 
     /// The Hessian at x.
@@ -117,8 +118,12 @@ impl Hessian {
                 none.insert(Cholesky::for_purpose(symbolic, Purpose::FewSolves))
             }
         };
+        self.factored = false;
         match factor.refactor_if_definite(self.matrix.values()) {
-            Ok(()) => Ok(true),
+            Ok(()) => {
+                self.factored = true;
+                Ok(true)
+            }
             Err(SparseError::NotPositiveDefinite { .. }) => Ok(false),
             Err(e) => Err(e.into()),
         }
@@ -127,6 +132,11 @@ impl Hessian {
     /// The product of the matrix with p, and the solution of its factor's system: what [`super::cg::Cg`] asks for.
     pub(super) fn parts(&mut self) -> (&BlockMatrix, Option<&Cholesky<f32>>, &mut SolveScratch) {
         (&self.matrix, self.factor.as_ref(), &mut self.scratch)
+    }
+
+    /// Whether there is a factor to solve with, of this or of an earlier Hessian.
+    pub fn is_factored(&self) -> bool {
+        self.factored
     }
 
     /// Bytes of the factor and its workspace.

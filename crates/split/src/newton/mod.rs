@@ -163,9 +163,23 @@ impl Newton {
         }
     }
 
+    /// With a new factor of the Hessian, or where that will do with the old one.
     fn by_factor(&mut self) -> Result<CgReport, SystemError> {
+        // As exact as quadratic convergence can use: the gradient falls by the square of its last fall.
+        let fall = self.fall();
+        let tolerance = (0.1 * fall * fall).clamp(1e-6, 1e-2);
+        let is_tried = self.is_old_factor_good();
+        if is_tried {
+            self.hessian.assemble(&mut self.problem, &self.x, Projection::None)?;
+            let report = self.preconditioned(tolerance, WITH_OLD_FACTOR)?;
+            if report.end == CgEnd::Solved || (report.end == CgEnd::Limit && report.residual <= USEFUL) {
+                return Ok(report);
+            }
+        }
         for projection in self.projections().into_iter().flatten() {
-            self.hessian.assemble(&mut self.problem, &self.x, projection)?;
+            if !(is_tried && projection == Projection::None) {
+                self.hessian.assemble(&mut self.problem, &self.x, projection)?;
+            }
             self.factorisations += 1;
             if !self.hessian.factor(&self.normal)? {
                 self.delay(projection);
@@ -174,18 +188,7 @@ impl Newton {
             if projection == Projection::None {
                 self.back_off = 0;
             }
-            // As exact as quadratic convergence can use: the gradient falls by the square of its last fall.
-            let fall = self.fall();
-            let tolerance = (0.1 * fall * fall).clamp(1e-6, 1e-2);
-            let (matrix, factor, scratch) = self.hessian.parts();
-            let Some(factor) = factor else { continue };
-            let report = self.cg.solve(
-                &self.grad,
-                tolerance,
-                CORRECTIONS,
-                |p, q| matrix.multiply(p, q).map_err(SystemError::from),
-                |z| factor.solve_in_place(z, 1, scratch).map_err(SystemError::from),
-            )?;
+            let report = self.preconditioned(tolerance, CORRECTIONS)?;
             if report.end == CgEnd::NegativeCurvature {
                 // The factor's rounding made the matrix definite; its step still descends.
                 self.delay(projection);
@@ -194,6 +197,31 @@ impl Newton {
         }
         // Not even absolute eigenvalues can be factored in f32: the normal matrix can.
         self.by_gradients()
+    }
+
+    /// Conjugate gradients on the assembled Hessian, preconditioned with the factor as it is.
+    fn preconditioned(&mut self, tolerance: f64, limit: usize) -> Result<CgReport, SystemError> {
+        let (matrix, factor, scratch) = self.hessian.parts();
+        self.cg.solve(
+            &self.grad,
+            tolerance,
+            limit,
+            |p, q| matrix.multiply(p, q).map_err(SystemError::from),
+            |z| factor.map_or(Ok(()), |factor| factor.solve_in_place(z, 1, scratch)).map_err(SystemError::from),
+        )
+    }
+
+    /// Whether the last step went as foretold: then the Hessian has hardly changed, and its factor is still a good
+    /// preconditioner.
+    fn is_old_factor_good(&self) -> bool {
+        let Found { t, ratio, warped, .. } = self.last;
+        let on_demand = matches!(self.settings.projection, ProjectionRule::OnDemand { .. });
+        on_demand
+            && self.wait == 0
+            && self.hessian.is_factored()
+            && !warped
+            && t == 1.0
+            && (ratio - 1.0).abs() < TRUSTED
     }
 
     /// What the last step left of the gradient; 1 before the first.
@@ -235,6 +263,12 @@ impl Newton {
 /// Conjugate-gradient steps that correct an f32 factor.
 const CORRECTIONS: usize = 4;
 
+/// And one of an earlier Hessian: a step costs a twelfth to a sixth of a factorisation.
+const WITH_OLD_FACTOR: usize = 5;
+
+/// What they may leave of the residual, at most, to be of more use than a new factor.
+const USEFUL: f64 = 0.1;
+
 /// The model is trusted where a step gained what it foretold up to this part.
 const TRUSTED: f64 = 0.1;
 
@@ -249,10 +283,9 @@ impl Method for Newton {
         let solved = self.direction()?;
         let d = &self.cg.d;
         let slope = vector::dot(&self.grad, d);
-        self.hessian.matrix().multiply(d, &mut self.new_grad)?;
-        let curvature = vector::dot(d, &self.new_grad);
         let normal = if self.settings.warp { Some(&mut self.normal) } else { None };
-        let found = self.search.run(&mut self.problem, normal, &self.x, d, start.energy.value, (slope, curvature))?;
+        let found =
+            self.search.run(&mut self.problem, normal, &self.x, d, start.energy.value, (slope, solved.curvature))?;
         self.last = found;
         self.last_gradient = start.gradient_norm;
         let mut accepted = found.energy.is_some();
