@@ -85,6 +85,21 @@ fn a_name_that_is_not_known_is_refused_with_those_that_are() {
 }
 
 #[test]
+fn growth_and_race_of_a_generated_beam() {
+    let out = folder("growth");
+    let options = Options { out: out.clone(), quick: true, models: vec!["beam".to_string()], ..Options::default() };
+    run("growth", &options, &mut |_| ()).expect("growth");
+    let text = read(&out, "growth.md");
+    let rows = text.lines().filter(|l| l.matches(" s)").count() == 4).count();
+    assert_eq!(rows, 2, "every method converges at both sizes: {text}");
+    assert!(read(&out, "growth.svg").contains("newton-cg"));
+    run("race", &options, &mut |_| ()).expect("race");
+    let csv = read(&out, "race.csv");
+    let of = |method: &str| iterations(&csv, "beam", method, "energy 1e-10").expect("reached");
+    assert!(of("auto") < of("wrapd"), "{csv}");
+}
+
+#[test]
 fn hopeless_starts_of_a_generated_beam_are_solved() {
     let out = folder("hopeless");
     let options = Options { out: out.clone(), quick: true, models: vec!["beam".to_string()], ..Options::default() };

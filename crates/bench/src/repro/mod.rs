@@ -8,6 +8,7 @@ mod context;
 mod figure2;
 mod figure4;
 mod figure8;
+mod growth;
 pub mod hopeless;
 mod race;
 mod schedules;
@@ -38,7 +39,7 @@ pub struct Reproduction {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 8] = [
+pub const ALL: [Reproduction; 9] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -82,6 +83,13 @@ pub const ALL: [Reproduction; 8] = [
         run: race::run,
     },
     Reproduction {
+        name: "growth",
+        about: "seconds at 1, 8 and 64 times the size: `auto`, `wrapd`, `newton` and `newton-cg`",
+        models: &["beam", "homer", "centaur"],
+        standalone: false,
+        run: growth::run,
+    },
+    Reproduction {
         name: "hopeless",
         about: "from starts that are collapsed, random, mirrored or reflected: does `auto` end at a stationary point",
         models: &[],
@@ -110,7 +118,10 @@ pub fn run(name: &str, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<
     std::fs::create_dir_all(&options.out).map_err(|e| BenchError(format!("{}: {e}", options.out.display())))?;
     let mut models = options.models.clone();
     if models.is_empty() && !reproduction.standalone {
-        let found = data::found();
+        let mut found = data::found();
+        if reproduction.models.contains(&data::BEAM) {
+            found.insert(0, data::BEAM.to_string());
+        }
         let wanted = if options.quick && reproduction.models.is_empty() {
             &["shear", "stretch"][..]
         } else {
