@@ -38,6 +38,7 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
          columns name.\n"
     );
     summary(context, &results);
+    default_against_best(context, &results);
     nearly_incompressible(context, &multipliers)?;
     levels(context, &results);
     reference_code(context, &results);
@@ -70,6 +71,27 @@ fn summary(context: &mut Context<'_>, results: &[(Model, Vec<Run>)]) {
         table.row(row);
     }
     let _ = writeln!(context.text, "{table}");
+}
+
+/// What the default loses to the best method on each model, at most.
+fn default_against_best(context: &mut Context<'_>, results: &[(Model, Vec<Run>)]) {
+    let mut table = Table::new(["model", "auto, s", "best, s", "best method", "auto over best"]);
+    for (model, runs) in results {
+        let time = |run: &Run| run.reached(CONVERGED).map_or(f64::INFINITY, |p| p.seconds);
+        let Some(auto) = runs.iter().find(|run| run.method == "auto").map(time) else { continue };
+        let Some(best) = runs.iter().min_by(|a, b| time(a).total_cmp(&time(b))) else { continue };
+        table.row([
+            model.name.clone(),
+            seconds(auto),
+            seconds(time(best)),
+            best.method.clone(),
+            format!("{:.2}", auto / time(best)),
+        ]);
+    }
+    let _ = writeln!(
+        context.text,
+        "To 1e-4 `auto` is to take at most 1.25 times the seconds of the best method.\n\n{table}"
+    );
 }
 
 /// The same with Poisson's ratios near 1/2. The minimum is another one: it is solved for first.

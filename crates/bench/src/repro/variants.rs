@@ -31,6 +31,7 @@ impl Variant {
 /// All methods; ADMM with static weights, unaccelerated, under each multiplier.
 pub fn all(multipliers: &[f64]) -> Vec<Variant> {
     let order = [
+        MethodName::Auto,
         MethodName::Wrapd,
         MethodName::RAdmm,
         MethodName::WAdmm,
@@ -39,6 +40,9 @@ pub fn all(multipliers: &[f64]) -> Vec<Variant> {
         MethodName::Lbfgs,
         MethodName::Aadr,
         MethodName::AaAdmm,
+        MethodName::Newton,
+        MethodName::NewtonCg,
+        MethodName::ProjectedNewton,
     ];
     order
         .into_iter()
