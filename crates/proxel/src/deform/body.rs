@@ -195,10 +195,19 @@ impl Body {
         let mut held = vec![!input.obstacles.is_empty(); components.count];
         let mut loaded = vec![settings.weighs() || constraints::pushes(input, kinds); components.count];
         let mut lowest = vec![u32::MAX; components.count];
+        let mut seen = vec![Seen::default(); components.count];
         for v in 0..n {
             if let Some(c) = components.of_vertex[v] {
                 held[c as usize] |= fixed[v].is_some();
                 lowest[c as usize] = lowest[c as usize].min(v as u32);
+                if input.skin.is_none() {
+                    seen[c as usize].add(v);
+                }
+            }
+        }
+        for (v, (nodes, _)) in input.skin.iter().flat_map(|s| (0..s.n()).filter_map(|v| Some((v, s.at(v as u32)?)))) {
+            if let Some(c) = components.of_vertex[nodes[0] as usize] {
+                seen[c as usize].add(v);
             }
         }
         for (v, _, k) in &input.soft {
@@ -225,18 +234,22 @@ impl Body {
             }
             if loaded[c] {
                 return Err(DeformError(format!(
-                    "{}: the component of vertex {} (0-based) is loaded but nothing holds it; pin at least three of its vertices (--pins) or remove its loads",
-                    self.name, lowest[c]
+                    "{}: the component of vertex {} (0-based), with {} vertices, is loaded but nothing holds it; pin at \
+                     least three of its vertices (--pins) or remove its loads",
+                    self.name, seen[c].first, seen[c].count
                 )));
             }
             fixed[lowest[c] as usize] = Some(positions[lowest[c] as usize]);
-            anchored.push(lowest[c]);
+            anchored.push(&seen[c]);
         }
         match (anchored.first(), components.count) {
             (None, _) => {}
-            (Some(v), 1) => self.warnings.push(format!("{}: nothing is pinned; vertex {v} (0-based) was anchored in place", self.name)),
-            (Some(v), count) => self.warnings.push(format!(
-                "{}: {} of {count} components have no pin; each was anchored in place at its first vertex, such as {v} (0-based)",
+            (Some(Seen { first, .. }), 1) => self
+                .warnings
+                .push(format!("{}: nothing is pinned; vertex {first} (0-based) was anchored in place", self.name)),
+            (Some(Seen { first, count: vertices }), count) => self.warnings.push(format!(
+                "{}: nothing holds {} of {count} components; each was anchored in place at its first vertex, such as \
+                 that of vertex {first} (0-based), with {vertices} vertices",
                 self.name,
                 anchored.len()
             )),
@@ -389,6 +402,22 @@ impl Body {
     }
 }
 
+/// A component as the user knows it: by vertices of the skin where there is one.
+#[derive(Clone, Debug, Default)]
+struct Seen {
+    first: usize, // its first vertex
+    count: usize,
+}
+
+impl Seen {
+    fn add(&mut self, v: usize) {
+        if self.count == 0 {
+            self.first = v;
+        }
+        self.count += 1;
+    }
+}
+
 /// Lengths, numbers and indices of everything that comes with the mesh.
 pub(super) fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), DeformError> {
     for (what, positions) in [("start", &input.start), ("reference", &input.reference)] {
@@ -412,6 +441,12 @@ pub(super) fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result
             "{name}: fill has {} numbers for {} tetrahedra; give each a part above 0 and at most 1",
             fill.len(),
             input.rest.tets.len()
+        )));
+    }
+    let nodes = input.skin.iter().flat_map(|skin| (0..skin.n() as u32).filter_map(|v| skin.at(v)));
+    if let Some((nodes, _)) = nodes.into_iter().find(|(nodes, _)| nodes.iter().any(|v| *v as usize >= n)) {
+        return Err(DeformError(format!(
+            "{name}: the vertices {nodes:?} carry a vertex of the skin, the {n} vertices are numbered from 0; correct it"
         )));
     }
     for tie in &input.ties {

@@ -7,7 +7,7 @@ mod lattice;
 pub use carried::Carried;
 
 use super::body::check_vectors;
-use super::{DeformError, DeformInput, Deformation, Hooks, deform_here};
+use super::{DeformError, DeformInput, Deformation, Hooks, deform_here, group_sums};
 use crate::report::LatticeReport;
 use crate::settings::{DeformSettings, SurfaceModel};
 use proxel_mesh::Mesh;
@@ -28,6 +28,7 @@ pub struct Carrier {
     name: String,
     embedding: Embedding,
     diagonal: f64, // of the bounding box
+    is_turned: bool, // normals point inward
     warnings: Vec<String>,
 }
 
@@ -72,7 +73,8 @@ impl Carrier {
             ));
         }
         let diagonal = mesh.bounding_box().map_or(0.0, |(low, high)| distance(low, high));
-        Ok(Carrier { name, embedding, diagonal, warnings })
+        let is_turned = mesh_closedness(mesh) < 0.0;
+        Ok(Carrier { name, embedding, diagonal, is_turned, warnings })
     }
 
     /// Decides by the settings and by whether the surface is nearly closed.
@@ -117,9 +119,6 @@ impl Carrier {
             (!settings.materials.is_empty(), "has one material; leave --materials out"),
             (settings.bending > 0.0, "does not bend as a sheet; leave --bending out"),
             (settings.planar || settings.mixed, "is neither planar nor mixed; leave --planar and --mixed out"),
-            (!input.pressures.is_empty(), "takes no pressure; leave it out"),
-            (!input.equalities.is_empty(), "takes no equalities; leave them out"),
-            (!input.obstacles.is_empty(), "takes no obstacles; leave them out"),
         ];
         if let Some((_, why)) = cannot.iter().find(|(given, _)| *given) {
             return Err(DeformError(format!(
@@ -171,8 +170,10 @@ impl Carrier {
             settings: lattice_settings,
             result: Box::new(inner),
         };
-        // Forces act on the lattice: see `Carried`.
-        let reaction = vec![[0.0; 3]; positions.len()];
+        let reaction = carried.reactions(input);
+        let mut held = vec![false; positions.len()];
+        input.fixed.iter().for_each(|(v, _)| held[*v as usize] = true);
+        report.reactions.extend(group_sums(&input.groups, &|v| held[v as usize], &reaction));
         let carried = Some(Box::new(carried));
         Ok(Deformation { positions, start, status, report, repaired_tets: None, reaction, carried })
     }
