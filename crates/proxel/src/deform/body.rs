@@ -3,7 +3,7 @@
 use super::elements::{Cells, add_weights, build};
 use super::{DeformError, DeformInput, constraints, planar, sheet, start};
 use crate::settings::DeformSettings;
-use proxel_mesh::{check, topology};
+use proxel_mesh::{Mesh, check, topology};
 use proxel_split::{PointSpring, Problem, Quadratic, SystemError};
 
 /// A deformation problem, and the way between the user's numbering and units and the solver's.
@@ -33,6 +33,7 @@ impl Body {
         let n = mesh.n_verts();
         mesh.check_indices()?;
         mesh.check_repeated()?;
+        check_size(&name, mesh)?;
         check_vectors(&name, n, input)?;
         let mut body = Body {
             name,
@@ -61,7 +62,8 @@ impl Body {
             planar::check(&body.name, input, settings, &kinds)?;
             body.repaired.extend(planar::orient(&body.name, mesh, settings, &mut kinds)?);
         }
-        sheet::check(&body.name, settings, &kinds)?;
+        sheet::check(&body.name, &mesh.points, settings, &kinds)?;
+        body.warnings.extend(sheet::repeated(&body.name, &kinds));
         body.anchor(input, settings, &kinds)?;
         body.number(mesh.points.as_slice());
         let number = body.numbers();
@@ -149,7 +151,7 @@ impl Body {
                     check::require_volumes(mesh)?;
                 }
                 Some(tets) => {
-                    let turned = proxel_mesh::Mesh { tets: tets.clone(), ..mesh.clone() };
+                    let turned = Mesh { tets: tets.clone(), ..mesh.clone() };
                     check::require_volumes(&turned)?;
                 }
             }
@@ -416,6 +418,21 @@ impl Seen {
         }
         self.count += 1;
     }
+}
+
+/// The least and the largest size of a mesh: the sixth power of it, in whatever units, is a number.
+const SIZES: [f64; 2] = [1e-45, 1e45];
+
+/// Refuses meshes whose volumes are no numbers.
+pub(super) fn check_size(name: &str, mesh: &Mesh) -> Result<(), DeformError> {
+    let Some((low, high)) = mesh.bounding_box() else { return Ok(()) };
+    let size = (0..3).map(|d| high[d] - low[d]).fold(0.0, f64::max);
+    if size > 0.0 && !(SIZES[0]..=SIZES[1]).contains(&size) {
+        return Err(DeformError(format!(
+            "{name}: its vertices are {size:e} apart, and its volume is no number; give it in other units"
+        )));
+    }
+    Ok(())
 }
 
 /// Lengths, numbers and indices of everything that comes with the mesh.

@@ -53,8 +53,19 @@ impl Around<'_> {
         let mut warnings = Vec::new();
         if !self.input.equalities.is_empty() && !settings.method.takes_hard_sets() {
             return Err(DeformError(format!(
-                "{} cannot hold equalities; use --method wrapd, r-admm, w-admm or admm-pd",
+                "{} cannot hold equalities; use --method auto, wrapd, r-admm, w-admm or admm-pd",
                 settings.method.as_str()
+            )));
+        }
+        // Two dense triangles over the rows, and a column over the nodes for each.
+        let rows = self.input.equalities.len();
+        let bytes = 8.0 * rows as f64 * (2 * rows + problem.n_free) as f64;
+        if bytes > settings.newton.memory {
+            return Err(DeformError(format!(
+                "{}: {rows} equalities over {} free vertices would take {:.1} GB; give fewer",
+                self.name,
+                problem.n_free,
+                bytes / 1e9
             )));
         }
         problem.quadratic.equalities = self.equalities(problem)?;
@@ -104,12 +115,14 @@ impl Around<'_> {
         if problem.dim == 2 {
             return Err(DeformError(format!("{}: pressure acts on faces; it does not go with --planar", self.name)));
         }
+        if !p.is_finite() {
+            return Err(DeformError(format!("{}: a pressure is {p}; give a finite number", self.name)));
+        }
         let faces = patch(self.kinds, self.input, vertices);
-        if faces.is_empty() || !p.is_finite() {
+        if faces.is_empty() {
             return Err(DeformError(format!(
-                "{}: the pressure {p} acts on {} faces; choose vertices so that all corners of some face are among them",
-                self.name,
-                faces.len()
+                "{}: the pressure {p} acts on 0 faces; choose vertices so that all corners of some face are among them",
+                self.name
             )));
         }
         let border = Pressure::border(&faces);
@@ -163,7 +176,10 @@ impl Around<'_> {
         k: usize,
         stiffness: &[f64],
     ) -> Result<Box<dyn Term>, DeformError> {
-        let given = self.input.obstacles[k];
+        let written = self.input.obstacles[k];
+        // In units of its largest component the length neither overflows nor vanishes.
+        let largest = written.normal[..D].iter().fold(0.0, |m: f64, n| m.max(n.abs()));
+        let given = crate::pins::HalfSpace { point: written.point, normal: written.normal.map(|n| n / largest) };
         let length = given.normal[..D].iter().map(|n| n * n).sum::<f64>().sqrt();
         let finite = given.point.iter().chain(&given.normal).all(|v| v.is_finite());
         let out_of_plane = D == 2 && given.normal[2] != 0.0;
@@ -171,7 +187,7 @@ impl Around<'_> {
             return Err(DeformError(format!(
                 "{}: obstacle {k} (0-based) has the point {:?} and the normal {:?}; give finite numbers and a normal with a \
                  direction, in the plane with --planar",
-                self.name, given.point, given.normal
+                self.name, written.point, written.normal
             )));
         }
         let normal: [f64; D] = std::array::from_fn(|d| given.normal[d] / length);

@@ -113,6 +113,7 @@ pub fn deform(
     settings: &DeformSettings,
     hooks: &mut Hooks<'_>,
 ) -> Result<Deformation, DeformError> {
+    let began = Instant::now();
     settings.check().map_err(DeformError)?;
     let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
     let pool = rayon::ThreadPoolBuilder::new()
@@ -121,9 +122,9 @@ pub fn deform(
         .map_err(|e| DeformError(format!("{threads} threads cannot be started: {e}")))?;
     // The hooks stay on this thread's side of the pool: they are moved in and run there one at a time.
     pool.install(|| match Carrier::of(input, settings)? {
-        Carrying::Body(carrier) => carrier.deform(input, settings, hooks, threads),
+        Carrying::Body(carrier) => carrier.deform(input, settings, hooks, threads, began),
         Carrying::No { warning } => {
-            let mut result = deform_here(input, settings, hooks, threads)?;
+            let mut result = deform_here(input, settings, hooks, threads, began)?;
             result.report.warnings.extend(warning);
             Ok(result)
         }
@@ -135,8 +136,8 @@ fn deform_here(
     settings: &DeformSettings,
     hooks: &mut Hooks<'_>,
     threads: usize,
+    began: Instant,
 ) -> Result<Deformation, DeformError> {
-    let began = Instant::now();
     let mut body = Body::new(input, settings)?;
     let problem = body.take_problem();
     let start = body.positions(&problem.x0);

@@ -30,7 +30,7 @@ impl Carried {
     /// # Errors
     /// As [`super::super::extras`].
     pub fn lattice(&self) -> Result<(Mesh, Fields), DeformError> {
-        let mesh = self.input.rest.with_points(self.result.positions.clone())?;
+        let mesh = self.embedding.lattice.with_points(self.result.positions.clone())?;
         let mut fields = extras(&self.input, &self.settings, &self.result)?.to_fields(&mesh);
         fields.cell("fill", 1, self.embedding.fill.clone());
         Ok((mesh, fields))

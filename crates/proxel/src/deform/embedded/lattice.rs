@@ -42,7 +42,8 @@ impl Carrier {
             }
         };
         let lattice = DeformInput {
-            rest: self.embedding.lattice.clone(),
+            // Messages name vertices of the surface.
+            rest: Mesh { name: self.name.clone(), ..self.embedding.lattice.clone() },
             start,
             fixed: held.nodes,
             ties,

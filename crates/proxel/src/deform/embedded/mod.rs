@@ -6,12 +6,13 @@ mod lattice;
 
 pub use carried::Carried;
 
-use super::body::check_vectors;
+use super::body::{check_size, check_vectors};
 use super::{DeformError, DeformInput, Deformation, Hooks, deform_here, group_sums};
 use crate::report::LatticeReport;
 use crate::settings::{DeformSettings, SurfaceModel};
 use proxel_mesh::Mesh;
 use proxel_mesh::embed::{Embedding, NEARLY_CLOSED, embed, mesh_closedness};
+use std::time::Instant;
 
 /// A pinned vertex of the surface that comes within this part of the bounding box's diagonal of where it is to be is put
 /// there exactly: stiff springs yield less. What is farther away the lattice cannot reach.
@@ -52,6 +53,7 @@ impl Carrier {
         mesh.check_indices()?;
         mesh.check_repeated()?;
         let name = if mesh.name.is_empty() { "surface".to_string() } else { mesh.name.clone() };
+        check_size(&name, mesh)?;
         let mut embedding = embed(mesh, settings.resolution)?;
         embedding.lattice.name = format!("{name} (lattice)");
         let mut warnings = Vec::new();
@@ -100,6 +102,7 @@ impl Carrier {
             }
             SurfaceModel::Auto => {
                 mesh.check_indices()?;
+                check_size(&mesh.name, mesh)?;
                 let closedness = mesh_closedness(mesh).abs();
                 if closedness < NEARLY_CLOSED {
                     let warning = format!(
@@ -118,6 +121,7 @@ impl Carrier {
         let cannot = [
             (!settings.materials.is_empty(), "has one material; leave --materials out"),
             (settings.bending > 0.0, "does not bend as a sheet; leave --bending out"),
+            (settings.material.energy == "spring", "is no net of springs; give another --material"),
             (settings.planar || settings.mixed, "is neither planar nor mixed; leave --planar and --mixed out"),
         ];
         if let Some((_, why)) = cannot.iter().find(|(given, _)| *given) {
@@ -141,10 +145,11 @@ impl Carrier {
         settings: &DeformSettings,
         hooks: &mut Hooks<'_>,
         threads: usize,
+        began: Instant,
     ) -> Result<Deformation, DeformError> {
         check_vectors(&self.name, input.rest.n_verts(), input)?;
         let (lattice_input, lattice_settings) = self.lattice_problem(input, settings)?;
-        let inner = deform_here(&lattice_input, &lattice_settings, hooks, threads)?;
+        let inner = deform_here(&lattice_input, &lattice_settings, hooks, threads, began)?;
         let mut positions = self.positions(&inner.positions, &input.rest.points, &input.fixed);
         let start = self.positions(&inner.start, &input.rest.points, &input.fixed);
         let mut report = inner.report.clone();
