@@ -6,7 +6,7 @@ use proxel::mesh::generate::{CellSplit, beam};
 use proxel::mesh::topology::surface;
 use proxel::mesh::{Mesh, Polygons};
 use proxel::pins::HalfSpace;
-use proxel::settings::{DeformSettings, Material};
+use proxel::settings::{DeformSettings, Material, MethodName};
 use proxel::split::{Equality, Status};
 
 type V3 = [f64; 3];
@@ -37,7 +37,7 @@ fn skin() -> Mesh {
     out
 }
 
-/// The same triangles, each with corners of its own and turned inside out, as careless exporters write them.
+/// The same triangles, each with corners of its own and turned inside out.
 fn soup(mesh: &Mesh) -> Mesh {
     let mut out = Mesh { name: "soup".into(), faces: Polygons::default(), ..Mesh::default() };
     for t in mesh.faces.fan_triangles() {
@@ -94,6 +94,24 @@ fn a_skin_lies_on_the_ground_with_its_whole_weight_and_not_its_lattice() {
 }
 
 #[test]
+fn an_obstacle_out_of_reach_costs_nothing() {
+    let rest = skin();
+    let ends = rest.points.iter().zip(0..).filter(|(p, _)| p[0].abs() >= 1.0);
+    let fixed = ends.map(|(p, v)| (v, if p[0] > 0.0 { [p[0], p[2] + 0.5, -p[1]] } else { *p })).collect();
+    let free = DeformInput { rest, fixed, ..DeformInput::default() };
+    let floor = HalfSpace { point: [0.0, -2.0, 0.0], normal: [0.0, 1.0, 0.0] };
+    let settings = DeformSettings { method: MethodName::Wrapd, tol: 1e-7, ..settings() };
+    let alone = run(&free, &settings);
+    let beside = run(&DeformInput { obstacles: vec![floor], ..free }, &settings);
+    let apart = alone.positions.as_flattened().iter().zip(beside.positions.as_flattened());
+    let apart = apart.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 1e-4, "{apart}");
+    assert!(beside.report.reactions["obstacle 0"].iter().all(|f| f.abs() < 1e-6), "nothing touches it");
+    let (a, b) = (alone.report.iterations, beside.report.iterations);
+    assert!(b < 4 * a, "{b} iterations, {a} without the obstacle");
+}
+
+#[test]
 fn rows_over_the_surface_hold_exactly() {
     let rest = skin();
     let at = |p: V3| {
@@ -142,7 +160,8 @@ fn pressure_swells_a_skin_as_it_does_the_body() {
     assert!(exact > 0.1, "it swells: {exact}");
     for rest in [skin(), soup(&skin())] {
         let found = length(&pressed(rest)) - 2.0;
-        assert!((found - exact).abs() < 0.1 * exact, "{found} instead of {exact}");
+        // Outer cells are partly empty, and as soft as they are on average.
+        assert!((found - exact).abs() < 0.15 * exact, "{found} instead of {exact}");
     }
 }
 

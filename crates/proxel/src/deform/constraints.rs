@@ -75,8 +75,8 @@ impl Around<'_> {
         let stiffness = if self.input.obstacles.is_empty() { Vec::new() } else { problem.node_stiffness() };
         for k in 0..self.input.obstacles.len() {
             let term = match problem.dim {
-                2 => self.obstacle::<2>(problem, k, &stiffness)?,
-                _ => self.obstacle::<3>(problem, k, &stiffness)?,
+                2 => self.obstacle::<2>(problem, k, &stiffness, settings.method.is_reweighted())?,
+                _ => self.obstacle::<3>(problem, k, &stiffness, settings.method.is_reweighted())?,
             };
             problem.terms.push(term);
         }
@@ -175,6 +175,7 @@ impl Around<'_> {
         problem: &Problem,
         k: usize,
         stiffness: &[f64],
+        follows: bool,
     ) -> Result<Box<dyn Term>, DeformError> {
         let written = self.input.obstacles[k];
         // In units of its largest component the length neither overflows nor vanishes.
@@ -219,7 +220,8 @@ impl Around<'_> {
             }
         }
         let weight2 = shared(&free, stiffness).map(|k| OBSTACLE_WEIGHT * k).collect();
-        Ok(Box::new(Obstacle::new(plane, free, weight2, size)))
+        let obstacle = Obstacle::new(plane, free, weight2, size);
+        Ok(Box::new(if follows { obstacle.following(&problem.x0) } else { obstacle }))
     }
 
     /// Free nodes that can touch something: all but those inside of tetrahedra, in the solver's numbering.
