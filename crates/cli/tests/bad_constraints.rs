@@ -95,7 +95,8 @@ fn components_that_nothing_holds() {
     let n = f.read("skin.obj").lines().filter(|l| l.starts_with("v ")).count();
     let first = format!("component of vertex {n} (0-based), with {n} vertices");
     f.put("first.txt", "0 1 2 3\n");
-    let push = format!("[groups.wall]\nindices = [0, 1, 2]\n[groups.push]\nindices = [{n}]\nforce = {{ each = [1, 0, 0] }}\n");
+    let push =
+        format!("[groups.wall]\nindices = [0, 1, 2]\n[groups.push]\nindices = [{n}]\nforce = {{ each = [1, 0, 0] }}\n");
     f.put("push.toml", &push);
     for kind in ["--embed --resolution 10", "--shell"] {
         let heavy = format!("two.obj {kind} --pins first.txt --density 1 --gravity 0,-1,0");

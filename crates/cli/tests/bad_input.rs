@@ -180,7 +180,12 @@ fn handles_that_overlap_contradict_or_leave_a_component_free() {
     let two = "[groups.a]\nindices = [0, 1, 2]\n[groups.b]\nindices = [2, 3]\n";
     Folder::new("overlap").beam(2).write("p.toml", two).run(&solve).is(0);
     let apart = "[groups.a]\nindices = [0, 1, 2]\n[groups.b]\nindices = [2, 3]\ntranslate = [1, 0, 0]\n";
-    refuses("contradict", with(apart), &solve, &["p.toml", "`a` and `b`", "vertex 2", "different places, [0.0, 0.0, 1.0] and [1.0, 0.0, 1.0]"]);
+    refuses(
+        "contradict",
+        with(apart),
+        &solve,
+        &["p.toml", "`a` and `b`", "vertex 2", "different places, [0.0, 0.0, 1.0] and [1.0, 0.0, 1.0]"],
+    );
     let soft = "[groups.a]\nindices = [0, 1]\n[groups.b]\nindices = [1]\nstiffness = 5\n";
     refuses("soft-overlap", with(soft), &solve, &["p.toml", "`a` and `b` overlap", "vertex 1"]);
     let none = "[groups.a]\nsphere = { center = [9, 9, 9], radius = 1 }\n";
@@ -192,7 +197,12 @@ fn handles_that_overlap_contradict_or_leave_a_component_free() {
         f.put("p.toml", "[groups.wall]\nindices = [0, 1, 2]\n");
     };
     let heavy = "deform rest.node --pins p.toml --density 1 --gravity 0,-1,0 --out out.vtu";
-    refuses("free", apart, heavy, &["rest", "component of vertex 4 (0-based), with 4 vertices", "nothing holds it", "--pins"]);
+    refuses(
+        "free",
+        apart,
+        heavy,
+        &["rest", "component of vertex 4 (0-based), with 4 vertices", "nothing holds it", "--pins"],
+    );
 }
 
 #[test]

@@ -202,12 +202,7 @@ fn reactions(body: &Body, grad: &[f64]) -> Vec<[f64; 3]> {
 }
 
 /// The sum over the fixed vertices of each group that has some, and over those that touch each obstacle.
-fn sums(
-    input: &DeformInput,
-    body: &Body,
-    reaction: &[[f64; 3]],
-    contacts: &[Vec<f64>],
-) -> BTreeMap<String, [f64; 3]> {
+fn sums(input: &DeformInput, body: &Body, reaction: &[[f64; 3]], contacts: &[Vec<f64>]) -> BTreeMap<String, [f64; 3]> {
     let mut sums = BTreeMap::new();
     for (k, forces) in contacts.iter().enumerate() {
         sums.insert(format!("obstacle {k}"), total(body.vectors(forces)));

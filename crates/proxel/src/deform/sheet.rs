@@ -54,7 +54,7 @@ pub(super) fn bending(
         ));
     }
     let form = bending.form(settings.bending);
-    // Per K the energy has no unit: it is that of a fold by about this angle, squared, along the sheet.
+    // The energy over K has no unit: a closed cylinder has about 30, a fold by an angle t about t^2 for each edge of it.
     if form.value_and_gradient(rest, 3, None) > FLAT * settings.bending {
         warnings.push(format!("{name}: the sheet is not flat at rest; bending is that of a flat one and flattens it"));
     }
@@ -79,7 +79,7 @@ fn check_areas(name: &str, points: &[[f64; 3]], kinds: &[Cells]) -> Result<(), D
             let (u, v, w) = (minus(b, a), minus(c, a), minus(c, b));
             let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
             let quality = 2.0 * 3f64.sqrt() * dot(n, n).sqrt() / (dot(u, u) + dot(v, v) + dot(w, w));
-            if !(quality > LINE) {
+            if quality.is_nan() || quality <= LINE {
                 return Err(DeformError(format!(
                     "{name}: triangle {t} (0-based) has no area, its corners {corners:?} lie on a line; move or remove it"
                 )));

@@ -185,7 +185,10 @@ fn groups_that_make_no_sense_are_refused() {
         ("[groups.a]\nindices = [1]\npressure = nan", "a number of `pressure` is NaN"),
         ("[[equality]]\nvertices = []", "equality 0 (0-based) names no vertices"),
         ("[[equality]]\nvertices = [1, 9]", "equality 0 (0-based): vertex index 9 is out of range"),
-        ("[[equality]]\nvertices = [1, 1]\ncoefficients = [1, -1]", "equality 0 (0-based) has coefficients that are or add"),
+        (
+            "[[equality]]\nvertices = [1, 1]\ncoefficients = [1, -1]",
+            "equality 0 (0-based) has coefficients that are or add",
+        ),
         ("[[equality]]\nvertices = [1, 2]\ncoefficients = [1]", "1 coefficients for 2 vertices"),
         ("[[equality]]\nvertices = [1]\nvalue = [0, inf, 0]", "has the number inf"),
         ("[[equality]]\nvertex = [1]", "unknown field `vertex`, expected one of `vertices`"),

@@ -28,7 +28,7 @@ const HELD: f64 = 1e-4;
 pub struct Carrier {
     name: String,
     embedding: Embedding,
-    diagonal: f64, // of the bounding box
+    diagonal: f64,   // of the bounding box
     is_turned: bool, // normals point inward
     warnings: Vec<String>,
 }
