@@ -151,7 +151,8 @@ fn sizes_that_no_machine_has() {
     f.put("cube.obj", cube);
     refuses(&f, "cube.obj --resolution 256", &["cube.obj", "cells, which are more than", "lower resolution"]);
     for (name, size) in [("huge.obj", "e200"), ("tiny.obj", "e-200")] {
-        f.put(name, &cube.replace(" 1\n", &format!(" 1{size}\n")).replace("f 1 4 3 2", "f 1 4 3 2"));
+        let (points, faces) = cube.split_at(cube.find('f').unwrap());
+        f.put(name, &format!("{}{faces}", points.replace('1', &format!("1{size}"))));
         refuses(&f, name, &[name, "apart", "other units"]);
     }
     refuses(&f, "skin.obj --material spring --embed", &["skin.obj", "springs", "--material"]);

@@ -235,6 +235,6 @@ fn constraints_and_sheets() {
         &with("--obstacle 9,0,0,1,0,0"),
         &["rest", "vertex 0", "behind obstacle 0", "move the pin"],
     );
-    refuses("pressure", |_| (), &with("--pressure nan"), &["rest", "pressure NaN"]);
+    refuses("pressure", |_| (), &with("--pressure nan"), &["rest", "a pressure is NaN"]);
     refuses("demo", |_| (), "demo squid", &["'squid'", "octopus", "cloth"]);
 }
