@@ -4,6 +4,7 @@ pub mod bending;
 pub mod elements;
 pub mod energy;
 pub mod obstacle;
+pub mod points;
 pub mod pressure;
 
 /// The guide to contributing, whose new energy is compiled and run as a test.

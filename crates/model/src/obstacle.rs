@@ -1,5 +1,6 @@
-//! Planes that nodes stay on one side of.
+//! Planes that nodes, or points that nodes carry, stay on one side of.
 
+use crate::points::Points;
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term};
 
@@ -19,44 +20,72 @@ impl<const D: usize> HalfSpace<D> {
     }
 }
 
-/// The indicator of a half-space for each of some nodes: z = x of a node, the prox is the projection. Contact is without
-/// friction; the force on the node is w^2 u.
+/// The indicator of a half-space for each of some points c_k = sum_i w_ki x_i, most often the nodes themselves: z = c_k, the
+/// prox is the projection. Contact is without friction; the force on the point is w^2 u, on its nodes w_ki w^2 u.
 ///
 /// What is beyond the plane by less than [`proxel_split::VIOLATION`] times `size` counts as on its side.
 pub struct Obstacle<const D: usize> {
     plane: HalfSpace<D>,
-    nodes: Vec<u32>,
-    weight2: Vec<f64>, // w^2 of each node
+    points: Points,
+    full: Vec<f64>,    // w^2 of each point in contact
+    weight2: Vec<f64>, // w^2 as it is
+    quiet: Vec<u32>,   // iterations since each point was in contact
+    raised: Vec<u32>,  // how often the weight of each was raised
+    waited: u32,       // iterations since weights were taken
     size: f64,
 }
 
+/// w^2 of points that touch nothing, in units of that in contact. Their z is but the point where it was an iteration before,
+/// which ties the body to where it is: 5000 iterations instead of 110 for a bar that touches nothing.
+const FAR: f64 = 1e-5;
+/// Iterations without contact after which a point is far.
+const QUIET: u32 = 30;
+/// Times that the weight of a point is raised; the last time it stays.
+const RAISES: u32 = 4;
+/// Iterations between two changes of weights, since each costs a factorisation.
+const WAIT: u32 = 10;
+
 impl<const D: usize> Obstacle<D> {
     /// Squared weights are best of the order of the stiffness that the nodes have, see
-    /// [`proxel_split::Problem::node_stiffness`]; `size` is that of the body.
-    pub fn new(plane: HalfSpace<D>, nodes: Vec<u32>, weight2: Vec<f64>, size: f64) -> Self {
-        Obstacle { plane, nodes, weight2, size }
+    /// [`proxel_split::Problem::node_stiffness`], over the number of points that share them; `size` is that of the body.
+    pub fn new(plane: HalfSpace<D>, points: Points, weight2: Vec<f64>, size: f64) -> Self {
+        let n = points.len();
+        let (quiet, raised) = (vec![0; n], vec![0; n]);
+        Obstacle { plane, points, full: weight2.clone(), weight2, quiet, raised, waited: 0, size }
     }
 
-    /// (x, p, u and w^2 of each node).
-    fn visit(&self, x: &[f64], mut f: impl FnMut(usize, &[f64], f64)) {
-        for (k, (node, w2)) in self.nodes.iter().zip(&self.weight2).enumerate() {
-            f(k, &x[*node as usize * D..][..D], *w2);
+    /// With weights that follow contact, for methods that change weights; points that are far from the plane at `x` begin
+    /// with a small one.
+    pub fn following(mut self, x: &[f64]) -> Self {
+        /// Near is a point within this part of the size.
+        const NEAR: f64 = 0.02;
+        for k in 0..self.points.len() {
+            if self.plane.distance(&self.points.at::<D>(k, x)) > NEAR * self.size {
+                self.quiet[k] = QUIET;
+                self.weight2[k] = FAR * self.full[k];
+            }
         }
+        self
+    }
+
+    /// w^2 that a point should have.
+    fn wanted(&self, k: usize) -> f64 {
+        if self.quiet[k] < QUIET || self.raised[k] >= RAISES { self.full[k] } else { FAR * self.full[k] }
     }
 
     fn deepest(&self, x: &[f64]) -> f64 {
         let mut deepest = 0.0_f64;
-        self.visit(x, |_, x, _| {
-            let below = -self.plane.distance(x);
+        for k in 0..self.points.len() {
+            let below = -self.plane.distance(&self.points.at::<D>(k, x));
             deepest = if below <= deepest { deepest } else { below };
-        });
+        }
         if deepest.is_nan() { f64::INFINITY } else { deepest / self.size }
     }
 }
 
 impl<const D: usize> Term for Obstacle<D> {
     fn n_elems(&self) -> usize {
-        self.nodes.len()
+        self.points.len()
     }
 
     fn is_hard(&self) -> bool {
@@ -64,52 +93,53 @@ impl<const D: usize> Term for Obstacle<D> {
     }
 
     fn local_len(&self) -> usize {
-        self.nodes.len() * D
+        self.points.len() * D
     }
 
     fn couple(&mut self, x: &[f64], out: &mut [f64]) {
-        self.visit(x, |k, x, _| out[k * D..(k + 1) * D].copy_from_slice(x));
+        for (k, out) in out.chunks_exact_mut(D).enumerate() {
+            out.copy_from_slice(&self.points.at::<D>(k, x));
+        }
     }
 
     fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
         let mut report = LocalReport::default();
-        for (k, (node, w2)) in self.nodes.iter().zip(&self.weight2).enumerate() {
-            let at = *node as usize * D;
-            let mut v = [0.0; D];
+        for (k, w2) in self.weight2.iter().enumerate() {
+            let c: [f64; D] = self.points.at(k, x);
+            let (mut v, mut force) = (c, [0.0; D]);
             for d in 0..D {
-                v[d] = x[at + d] + u[k * D + d];
+                v[d] += u[k * D + d];
             }
             let push = (-self.plane.distance(&v)).max(0.0);
+            self.quiet[k] = if push > 0.0 { 0 } else { self.quiet[k].saturating_add(1) };
             for d in 0..D {
                 let i = k * D + d;
                 let before = p[i] + u[i];
                 let z = v[d] + push * self.plane.normal[d];
-                report.penalty_before += 0.5 * w2 * (x[at + d] - p[i]).powi(2);
+                report.penalty_before += 0.5 * w2 * (c[d] - p[i]).powi(2);
                 report.moved2 += w2 * (z - before).powi(2);
                 u[i] = v[d] - z;
                 p[i] = z - u[i];
                 report.penalty_after += 0.5 * w2 * u[i] * u[i];
-                let gap = x[at + d] - p[i];
+                let gap = c[d] - p[i];
                 report.objective += 0.5 * w2 * gap * gap;
-                if let Some(g) = grad.get_mut(at + d) {
-                    *g += w2 * gap;
-                }
+                force[d] = w2 * gap;
             }
+            self.points.spread(k, force, grad);
         }
         report
     }
 
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
         let mut value = 0.0;
-        for (k, (node, w2)) in self.nodes.iter().zip(&self.weight2).enumerate() {
+        for (k, w2) in self.weight2.iter().enumerate() {
+            let mut force: [f64; D] = self.points.at(k, x);
             for d in 0..D {
-                let at = *node as usize * D + d;
-                let gap = x[at] - p[k * D + d];
+                let gap = force[d] - p[k * D + d];
                 value += 0.5 * w2 * gap * gap;
-                if let Some(g) = grad.get_mut(at) {
-                    *g += w2 * gap;
-                }
+                force[d] = w2 * gap;
             }
+            self.points.spread(k, force, grad);
         }
         let energy = EnergyReport { violation: self.deepest(x), ..EnergyReport::default() };
         PenaltyReport { value, energy: Some(energy) }
@@ -121,35 +151,44 @@ impl<const D: usize> Term for Obstacle<D> {
 
     fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual {
         let mut residual = Residual::default();
-        self.visit(x, |k, x, w2| {
+        for (k, w2) in self.weight2.iter().enumerate() {
+            let c: [f64; D] = self.points.at(k, x);
             for d in 0..D {
                 let z = p[k * D + d] + u[k * D + d];
-                residual.gap2 += w2 * (x[d] - z).powi(2);
+                residual.gap2 += w2 * (c[d] - z).powi(2);
                 residual.size2 += w2 * z * z;
             }
-        });
+        }
         residual
     }
 
     fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {
-        for node in &self.nodes {
-            visit(std::slice::from_ref(node));
-        }
+        (0..self.points.len()).for_each(|k| visit(self.points.parts(k).0));
     }
 
     fn add_normal(&self, pattern: &SymPattern, values: &mut [f64]) {
-        for (node, w2) in self.nodes.iter().zip(&self.weight2) {
-            if let Some(slot) = pattern.slot(*node as usize, *node as usize) {
-                values[slot] += w2;
+        for (k, w2) in self.weight2.iter().enumerate() {
+            let (nodes, weights) = self.points.parts(k);
+            for (i, a) in nodes.iter().zip(weights).filter(|(i, _)| (**i as usize) < pattern.n()) {
+                for (j, b) in nodes.iter().zip(weights).filter(|(j, _)| **j <= *i) {
+                    if let Some(slot) = pattern.slot(*i as usize, *j as usize) {
+                        values[slot] += w2 * a * b;
+                    }
+                }
             }
         }
     }
 
     fn add_characteristic_force(&self, _: &mut [f64]) {}
 
-    /// The weights stay: a set has no stiffness.
+    /// A set has no stiffness; its weights follow contact.
     fn propose_weights(&mut self, _: (f64, f64)) -> f64 {
-        1.0
+        self.waited += 1;
+        let ratio = |k: usize| self.wanted(k) / self.weight2[k];
+        if self.waited < WAIT {
+            return 1.0;
+        }
+        (0..self.points.len()).map(|k| ratio(k).max(1.0 / ratio(k))).fold(1.0, f64::max)
     }
 
     fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
@@ -166,5 +205,18 @@ impl<const D: usize> Term for Obstacle<D> {
         }
     }
 
-    fn take_weights(&mut self, _: &mut [f64], _: &mut [f64]) {}
+    fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
+        self.waited = 0;
+        for k in 0..self.points.len() {
+            let wanted = self.wanted(k);
+            let scale = self.weight2[k] / wanted;
+            self.raised[k] += u32::from(scale < 1.0);
+            self.weight2[k] = wanted;
+            for i in k * D..(k + 1) * D {
+                let z = p[i] + u[i];
+                u[i] *= scale;
+                p[i] = z - u[i];
+            }
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! Obstacles and pressure, each against what it should be, by itself.
 
 use proxel_model::obstacle::{HalfSpace, Obstacle};
+use proxel_model::points::{OfPoints, Points};
 use proxel_model::pressure::Pressure;
 use proxel_split::{Potential, Term};
 use proxel_testkit::{SplitMix, check_gradient};
@@ -56,7 +57,7 @@ fn pressure_is_minus_p_times_volume_and_has_its_gradient() {
 #[test]
 fn the_prox_of_an_obstacle_is_the_nearest_point_of_its_side() {
     let plane = HalfSpace { normal: [0.6, 0.0, 0.8], height: 0.5 };
-    let mut term = Obstacle::new(plane, vec![0, 2], vec![2.0, 3.0], 1.0);
+    let mut term = Obstacle::new(plane, Points::of_nodes(vec![0, 2]), vec![2.0, 3.0], 1.0);
     assert!(term.is_hard());
     let mut random = SplitMix::new(4);
     let (mut pushed, mut left) = (0, 0);
@@ -82,4 +83,57 @@ fn the_prox_of_an_obstacle_is_the_nearest_point_of_its_side() {
         check_gradient(|x| of.borrow_mut().penalty(x, &p, &mut []).value, &g, &x, 1e-3, 1e-8).unwrap();
     }
     assert!(pushed > 50 && left > 50);
+}
+
+#[test]
+fn points_are_obstructed_and_pressed_through_the_nodes_that_carry_them() {
+    // Three points: a node, the middle of an edge, a point in a tetrahedron.
+    let mut points = Points::of_nodes(vec![4]);
+    points.push(&[0, 2, 3], &[0.5, 0.5, 0.0]);
+    points.push(&[1, 2, 3, 4], &[0.1, 0.2, 0.3, 0.4]);
+    assert_eq!((points.len(), points.n(), points.parts(1).0), (3, 5, &[0, 2][..]));
+    let mut random = SplitMix::new(5);
+    let x: [f64; 15] = random.array(-1.0, 1.0);
+    let middle: [f64; 3] = points.at(1, &x);
+    assert!((0..3).all(|d| (middle[d] - (x[d] + x[6 + d]) / 2.0).abs() < 1e-15));
+
+    let plane = HalfSpace { normal: [0.6, 0.0, 0.8], height: 0.9 };
+    let weight2 = [2.0, 3.0, 0.5];
+    let mut term = Obstacle::new(plane, points.clone(), weight2.to_vec(), 1.0);
+    let p: [f64; 9] = random.array(-1.0, 1.0);
+    let mut g = vec![0.0; 15];
+    term.penalty(&x, &p, &mut g);
+    let of = std::cell::RefCell::new(&mut term);
+    check_gradient(|x| of.borrow_mut().penalty(x, &p, &mut []).value, &g, &x, 1e-3, 1e-8).unwrap();
+    // The normal matrix is the second derivative of the penalty; node 4 is fixed.
+    let mut cliques: Vec<Vec<u32>> = Vec::new();
+    term.for_each_element(&mut |nodes| cliques.push(nodes.iter().copied().filter(|n| *n < 4).collect()));
+    let pattern = proxel_linalg::sparse::SymPattern::from_cliques(4, &cliques).unwrap();
+    let mut values = vec![0.0; pattern.nnz()];
+    term.add_normal(&pattern, &mut values);
+    for i in 0..4 {
+        for j in 0..=i {
+            let weight = |k: usize, n: usize| {
+                let (nodes, weights) = points.parts(k);
+                nodes.iter().position(|v| *v as usize == n).map_or(0.0, |at| weights[at])
+            };
+            let by_hand: f64 = (0..3).map(|k| weight2[k] * weight(k, i) * weight(k, j)).sum();
+            let entry = pattern.slot(i, j).map_or(0.0, |slot| values[slot]);
+            assert!((entry - by_hand).abs() < 1e-15, "{i} {j}: {entry} {by_hand}");
+        }
+    }
+
+    let (nodes, triangles) = octahedron();
+    let pressure = Pressure::new(triangles, -1.7, &nodes);
+    let mut carried = Points::default();
+    for _ in 0..6 {
+        carried.push(&[0, 1, 2, 3], &random.array::<4>(0.1, 0.4));
+    }
+    let pressure = OfPoints { potential: pressure, points: carried };
+    assert_eq!(pressure.n(), 4);
+    let x: [f64; 12] = random.array(-1.0, 1.0);
+    let mut g = [0.0; 12];
+    let value = pressure.value_and_gradient(&x, Some(&mut g));
+    assert!(value == pressure.value_and_gradient(&x, None) && value != 0.0);
+    check_gradient(|x| pressure.value_and_gradient(x, None), &g, &x, 1e-3, 1e-7).unwrap();
 }

@@ -52,18 +52,23 @@ impl Equalities {
     /// # Errors
     /// Rows that depend on each other, each by its number.
     pub fn new(mut rows: Vec<Equality>, n_free: usize, x: &[f64], dim: usize) -> Result<Self, EqualityError> {
+        let mut sizes = Vec::with_capacity(rows.len()); // what rounding of the right-hand sides is measured against
         for (row, equality) in rows.iter_mut().enumerate() {
             let finite = equality.nodes.iter().all(|(v, a)| a.is_finite() && (*v as usize) < x.len() / dim)
                 && equality.value.iter().all(|b| b.is_finite());
             if equality.nodes.is_empty() || !finite {
                 return Err(EqualityError::Row { row });
             }
+            scale(equality);
             // Fixed nodes go to the right-hand side.
+            let mut size = norm3(&equality.value);
             for (v, a) in equality.nodes.iter().filter(|(v, _)| *v as usize >= n_free) {
                 for d in 0..dim {
                     equality.value[d] -= a * x[*v as usize * dim + d];
+                    size += (a * x[*v as usize * dim + d]).abs();
                 }
             }
+            sizes.push(size);
             equality.nodes.retain(|(v, a)| (*v as usize) < n_free && *a != 0.0);
             equality.nodes.sort_unstable_by_key(|(v, _)| *v);
         }
@@ -90,7 +95,7 @@ impl Equalities {
             }
             if left <= DEPENDENT * whole || left.is_nan() {
                 let slack = 1e-9 * whole.sqrt() * size + f64::MIN_POSITIVE;
-                let agrees = b[..dim].iter().all(|b| b.abs() <= slack.max(1e-9 * norm3(&rows[i].value)));
+                let agrees = b[..dim].iter().all(|b| b.abs() <= slack.max(1e-9 * sizes[i]));
                 return Err(if agrees {
                     EqualityError::Redundant { row: i }
                 } else {
@@ -160,6 +165,18 @@ impl Equalities {
                 }
             }
         }
+    }
+}
+
+/// Brings the largest coefficient of a row to between 1 and 2, by a power of two, so that squares neither overflow nor
+/// vanish, and no bit changes.
+fn scale(row: &mut Equality) {
+    const EXPONENT: u64 = 0x7ff << 52;
+    let largest = row.nodes.iter().fold(0.0, |m: f64, (_, a)| m.max(a.abs()));
+    let power = f64::from_bits(largest.to_bits() & EXPONENT);
+    if power > 0.0 {
+        row.nodes.iter_mut().for_each(|(_, a)| *a /= power);
+        row.value.iter_mut().for_each(|b| *b /= power);
     }
 }
 

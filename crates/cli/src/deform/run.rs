@@ -69,6 +69,9 @@ pub fn run(args: &DeformArgs) -> Result<u8, Refusal> {
         let text = format!("{}: it has edges only, nothing to draw; leave --preview out", rest.display());
         return Err(Refusal::new(text));
     }
+    if files.lattice.is_some() && (!inputs.input.rest.tets.is_empty() || inputs.input.rest.faces.is_empty()) {
+        return Err(no_lattice(&inputs.input.rest));
+    }
     solve_and_write(inputs, &settings, &files, &interrupt, s.quiet)
 }
 
@@ -93,6 +96,11 @@ impl Files {
         settings: &DeformSettings,
         result: &Deformation,
     ) -> Result<Vec<String>, Refusal> {
+        let lattice = match (&self.lattice, &result.carried) {
+            (Some(_), None) => return Err(no_lattice(&input.rest)),
+            (Some(path), Some(carried)) => Some((path, carried)),
+            (None, _) => None,
+        };
         let mut written = Vec::new();
         let mut mesh = input.rest.with_points(result.positions.clone())?;
         if let Some(tets) = &result.repaired_tets {
@@ -104,11 +112,7 @@ impl Files {
             write_mesh(path, &mesh, &fields)?;
             written.push(path.display().to_string());
         }
-        if let Some(path) = &self.lattice {
-            let Some(carried) = &result.carried else {
-                let what = "no lattice was made, its elements are deformed themselves";
-                return Err(Refusal::new(format!("{}: {what}; leave --lattice-out out", input.rest.name)));
-            };
+        if let Some((path, carried)) = lattice {
             let (lattice, fields) = carried.lattice()?;
             write_mesh(path, &lattice, &fields)?;
             written.push(path.display().to_string());
@@ -119,6 +123,11 @@ impl Files {
         }
         Ok(written)
     }
+}
+
+fn no_lattice(rest: &Mesh) -> Refusal {
+    let what = "no lattice is made, its elements are deformed themselves";
+    Refusal::new(format!("{}: {what}; leave --lattice-out out", rest.name))
 }
 
 fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inputs, Refusal> {

@@ -25,7 +25,7 @@ pub use joins::Join;
 use crate::error::{ErrorKind, Result};
 use crate::mesh::Mesh;
 use crate::topology::vertex_elements;
-use crate::vec3::V3;
+use crate::vec3::{V3, cross, dot, sub};
 use crate::winding::WindingTree;
 use grid::{Grid, SIDE, Voxels, bit};
 use inside::Inside;
@@ -39,6 +39,8 @@ pub const NEARLY_CLOSED: f64 = 0.4;
 pub const LEAST_CLOSED: f64 = 0.2;
 /// The finest lattice, in cells along the longest side.
 pub const MOST_RESOLUTION: usize = 256;
+/// The largest lattice, in cells: six million tetrahedra.
+pub const MOST_CELLS: usize = 1 << 20;
 /// A cell counts as filled to this part at least: the stiffness of one that the surface barely enters must not vanish.
 pub const LEAST_FILL: f64 = 1.0 / 16.0;
 
@@ -67,7 +69,7 @@ pub struct Embedding {
 ///
 /// # Errors
 /// A mesh without faces, faces of no extent, a surface with no inside (closedness below [`LEAST_CLOSED`]), a resolution of
-/// 0 or above [`MOST_RESOLUTION`].
+/// 0 or above [`MOST_RESOLUTION`], a lattice of more than [`MOST_CELLS`].
 ///
 /// ```
 /// use proxel_mesh::{embed::embed, generate::octopus, Mesh, topology::surface};
@@ -106,11 +108,14 @@ pub fn embed(mesh: &Mesh, resolution: usize) -> Result<Embedding> {
         return Err(no_inside(mesh, inside.closedness));
     }
     let grid = Grid::new(ends, resolution);
+    // Before anything is made of them.
+    check_count(mesh, (volume(&mesh.points, &triangles, ends[0]) / grid.cell.powi(3)) as usize)?;
     let local: Vec<V3> = mesh.points.iter().map(|&p| grid.local(p)).collect();
     let touched = touches(&grid, &local, &triangles);
     let at_vertex = vertex_elements(mesh.n_verts(), triangles.iter().map(|t| &t[..]));
     let homes = homes(&grid, &local, |v| !at_vertex.row(v).is_empty());
     let cells = cells(&grid, &inside, &touched, &homes);
+    check_count(mesh, cells.len())?;
     let mut pieces = Pieces::new(&grid, &cells);
     let mut joins = joins::find(&grid, &pieces, &touched, &mesh.points, &triangles, &at_vertex);
     let face_of: Vec<u32> = mesh
@@ -177,6 +182,23 @@ impl Embedding {
 pub fn mesh_closedness(mesh: &Mesh) -> f64 {
     let triangles = mesh.faces.fan_triangles();
     closedness(&mesh.points, &triangles, &WindingTree::new(&mesh.points, &triangles))
+}
+
+/// The volume inside of nearly closed triangles, without sign.
+fn volume(points: &[V3], triangles: &[[u32; 3]], origin: V3) -> f64 {
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| sub(points[v as usize], origin));
+        dot(a, cross(b, c)) / 6.0
+    };
+    triangles.iter().map(of).sum::<f64>().abs()
+}
+
+fn check_count(mesh: &Mesh, cells: usize) -> Result<()> {
+    if cells <= MOST_CELLS {
+        return Ok(());
+    }
+    let what = format!("its lattice would have {cells} cells, which are more than {MOST_CELLS}");
+    Err(mesh.error(ErrorKind::InvalidParameter, what, "give a lower resolution"))
 }
 
 fn no_inside(mesh: &Mesh, closedness: f64) -> crate::error::MeshError {

@@ -3,7 +3,7 @@
 use super::elements::{Cells, add_weights, build};
 use super::{DeformError, DeformInput, constraints, planar, sheet, start};
 use crate::settings::{DeformSettings, MethodName};
-use proxel_mesh::{check, topology};
+use proxel_mesh::{Mesh, check, topology};
 use proxel_split::{PointSpring, Problem, Quadratic, SystemError};
 
 /// A deformation problem, and the way between the user's numbering and units and the solver's.
@@ -33,6 +33,7 @@ impl Body {
         let n = mesh.n_verts();
         mesh.check_indices()?;
         mesh.check_repeated()?;
+        check_size(&name, mesh)?;
         check_vectors(&name, n, input)?;
         let mut body = Body {
             name,
@@ -61,7 +62,8 @@ impl Body {
             planar::check(&body.name, input, settings, &kinds)?;
             body.repaired.extend(planar::orient(&body.name, mesh, settings, &mut kinds)?);
         }
-        sheet::check(&body.name, settings, &kinds)?;
+        sheet::check(&body.name, &mesh.points, settings, &kinds)?;
+        body.warnings.extend(sheet::repeated(&body.name, &kinds));
         body.anchor(input, settings, &kinds)?;
         body.number(mesh.points.as_slice());
         let number = body.numbers();
@@ -155,7 +157,7 @@ impl Body {
                     check::require_volumes(mesh)?;
                 }
                 Some(tets) => {
-                    let turned = proxel_mesh::Mesh { tets: tets.clone(), ..mesh.clone() };
+                    let turned = Mesh { tets: tets.clone(), ..mesh.clone() };
                     check::require_volumes(&turned)?;
                 }
             }
@@ -201,10 +203,19 @@ impl Body {
         let mut held = vec![!input.obstacles.is_empty(); components.count];
         let mut loaded = vec![settings.weighs() || constraints::pushes(input, kinds); components.count];
         let mut lowest = vec![u32::MAX; components.count];
+        let mut seen = vec![Seen::default(); components.count];
         for v in 0..n {
             if let Some(c) = components.of_vertex[v] {
                 held[c as usize] |= fixed[v].is_some();
                 lowest[c as usize] = lowest[c as usize].min(v as u32);
+                if input.skin.is_none() {
+                    seen[c as usize].add(v);
+                }
+            }
+        }
+        for (v, (nodes, _)) in input.skin.iter().flat_map(|s| (0..s.n()).filter_map(|v| Some((v, s.at(v as u32)?)))) {
+            if let Some(c) = components.of_vertex[nodes[0] as usize] {
+                seen[c as usize].add(v);
             }
         }
         for (v, _, k) in &input.soft {
@@ -231,18 +242,22 @@ impl Body {
             }
             if loaded[c] {
                 return Err(DeformError(format!(
-                    "{}: the component of vertex {} (0-based) is loaded but nothing holds it; pin at least three of its vertices (--pins) or remove its loads",
-                    self.name, lowest[c]
+                    "{}: the component of vertex {} (0-based), with {} vertices, is loaded but nothing holds it; pin at \
+                     least three of its vertices (--pins) or remove its loads",
+                    self.name, seen[c].first, seen[c].count
                 )));
             }
             fixed[lowest[c] as usize] = Some(positions[lowest[c] as usize]);
-            anchored.push(lowest[c]);
+            anchored.push(&seen[c]);
         }
         match (anchored.first(), components.count) {
             (None, _) => {}
-            (Some(v), 1) => self.warnings.push(format!("{}: nothing is pinned; vertex {v} (0-based) was anchored in place", self.name)),
-            (Some(v), count) => self.warnings.push(format!(
-                "{}: {} of {count} components have no pin; each was anchored in place at its first vertex, such as {v} (0-based)",
+            (Some(Seen { first, .. }), 1) => self
+                .warnings
+                .push(format!("{}: nothing is pinned; vertex {first} (0-based) was anchored in place", self.name)),
+            (Some(Seen { first, count: vertices }), count) => self.warnings.push(format!(
+                "{}: nothing holds {} of {count} components; each was anchored in place at its first vertex, such as \
+                 that of vertex {first} (0-based), with {vertices} vertices",
                 self.name,
                 anchored.len()
             )),
@@ -395,6 +410,37 @@ impl Body {
     }
 }
 
+/// A component as the user knows it: by vertices of the skin where there is one.
+#[derive(Clone, Debug, Default)]
+struct Seen {
+    first: usize, // its first vertex
+    count: usize,
+}
+
+impl Seen {
+    fn add(&mut self, v: usize) {
+        if self.count == 0 {
+            self.first = v;
+        }
+        self.count += 1;
+    }
+}
+
+/// The least and the largest size of a mesh: the sixth power of it, in whatever units, is a number.
+const SIZES: [f64; 2] = [1e-45, 1e45];
+
+/// Refuses meshes whose volumes are no numbers.
+pub(super) fn check_size(name: &str, mesh: &Mesh) -> Result<(), DeformError> {
+    let Some((low, high)) = mesh.bounding_box() else { return Ok(()) };
+    let size = (0..3).map(|d| high[d] - low[d]).fold(0.0, f64::max);
+    if size > 0.0 && !(SIZES[0]..=SIZES[1]).contains(&size) {
+        return Err(DeformError(format!(
+            "{name}: its vertices are {size:e} apart, and its volume is no number; give it in other units"
+        )));
+    }
+    Ok(())
+}
+
 /// Lengths, numbers and indices of everything that comes with the mesh.
 pub(super) fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), DeformError> {
     for (what, positions) in [("start", &input.start), ("reference", &input.reference)] {
@@ -418,6 +464,12 @@ pub(super) fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result
             "{name}: fill has {} numbers for {} tetrahedra; give each a part above 0 and at most 1",
             fill.len(),
             input.rest.tets.len()
+        )));
+    }
+    let nodes = input.skin.iter().flat_map(|skin| (0..skin.n() as u32).filter_map(|v| skin.at(v)));
+    if let Some((nodes, _)) = nodes.into_iter().find(|(nodes, _)| nodes.iter().any(|v| *v as usize >= n)) {
+        return Err(DeformError(format!(
+            "{name}: the vertices {nodes:?} carry a vertex of the skin, the {n} vertices are numbered from 0; correct it"
         )));
     }
     for tie in &input.ties {

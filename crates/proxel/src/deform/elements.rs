@@ -154,6 +154,8 @@ pub(super) fn build(
         BatchError::Element(e) => DeformError(e.to_string()),
         BatchError::Energy(e) => DeformError(format!("{e} (--material)")),
     };
+    // It is that of tetrahedra, not of springs along their edges.
+    let fill = fill.filter(|_| matches!(cells, Cells::Tets(_)));
     let fill: Option<Vec<f64>> = fill.map(|fill| chosen.iter().map(|e| fill[*e]).collect());
     let admm = &settings.admm;
     let method = settings.method;

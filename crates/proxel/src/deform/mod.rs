@@ -10,12 +10,14 @@ mod embedded;
 mod extras;
 mod planar;
 mod sheet;
+mod skin;
 mod start;
 mod watch;
 
 pub use body::Body;
 pub use embedded::{Carried, Carrier};
 pub use extras::{Extras, extras};
+pub use skin::Skin;
 pub use watch::{Hooks, Progress};
 
 use crate::pins::HalfSpace;
@@ -55,6 +57,8 @@ pub struct DeformInput {
     pub groups: Vec<(String, Vec<u32>)>,
     /// Springs from points that vertices carry, such as those of a surface in a lattice; weights add up to 1.
     pub ties: Vec<PointSpring>,
+    /// A surface that the mesh carries: what pressures and obstacles act on, and whose vertices they name.
+    pub skin: Option<Skin>,
     /// The part of each tetrahedron that is material, above 0 and at most 1; everything without it.
     pub fill: Option<Vec<f64>>,
     /// Positions to measure the position error against; they change nothing.
@@ -109,6 +113,7 @@ pub fn deform(
     settings: &DeformSettings,
     hooks: &mut Hooks<'_>,
 ) -> Result<Deformation, DeformError> {
+    let began = Instant::now();
     settings.check().map_err(DeformError)?;
     let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
     let pool = rayon::ThreadPoolBuilder::new()
@@ -117,9 +122,9 @@ pub fn deform(
         .map_err(|e| DeformError(format!("{threads} threads cannot be started: {e}")))?;
     // The hooks stay on this thread's side of the pool: they are moved in and run there one at a time.
     pool.install(|| match Carrier::of(input, settings)? {
-        Carrying::Body(carrier) => carrier.deform(input, settings, hooks, threads),
+        Carrying::Body(carrier) => carrier.deform(input, settings, hooks, threads, began),
         Carrying::No { warning } => {
-            let mut result = deform_here(input, settings, hooks, threads)?;
+            let mut result = deform_here(input, settings, hooks, threads, began)?;
             result.report.warnings.extend(warning);
             Ok(result)
         }
@@ -131,8 +136,8 @@ fn deform_here(
     settings: &DeformSettings,
     hooks: &mut Hooks<'_>,
     threads: usize,
+    began: Instant,
 ) -> Result<Deformation, DeformError> {
-    let began = Instant::now();
     let mut body = Body::new(input, settings)?;
     let problem = body.take_problem();
     let start = body.positions(&problem.x0);
@@ -180,7 +185,7 @@ fn deform_here(
         peak_bytes: None,
         factor_bytes: Some(run.factor_bytes),
         threads,
-        reactions: sums(&input.groups, &body, &reaction, &run.contacts),
+        reactions: sums(input, &body, &reaction, &run.contacts),
         lattice: None,
     };
     let (status, repaired_tets) = (outcome.status, body.repaired_tets());
@@ -197,34 +202,28 @@ fn reactions(body: &Body, grad: &[f64]) -> Vec<[f64; 3]> {
 }
 
 /// The sum over the fixed vertices of each group that has some, and over those that touch each obstacle.
-fn sums(
-    groups: &[(String, Vec<u32>)],
-    body: &Body,
-    reaction: &[[f64; 3]],
-    contacts: &[Vec<f64>],
-) -> BTreeMap<String, [f64; 3]> {
+fn sums(input: &DeformInput, body: &Body, reaction: &[[f64; 3]], contacts: &[Vec<f64>]) -> BTreeMap<String, [f64; 3]> {
     let mut sums = BTreeMap::new();
     for (k, forces) in contacts.iter().enumerate() {
-        let mut sum = [0.0; 3];
-        for force in body.vectors(forces) {
-            for d in 0..3 {
-                sum[d] += force[d];
-            }
-        }
-        sums.insert(format!("obstacle {k}"), sum);
+        sums.insert(format!("obstacle {k}"), total(body.vectors(forces)));
     }
-    for (name, vertices) in groups {
-        let mut sum = [0.0; 3];
-        for v in vertices.iter().filter(|v| body.is_fixed(**v)) {
-            for d in 0..3 {
-                sum[d] += reaction[*v as usize][d];
-            }
-        }
-        if vertices.iter().any(|v| body.is_fixed(*v)) {
-            sums.insert(name.clone(), sum);
-        }
-    }
+    sums.extend(group_sums(&input.groups, &|v| body.is_fixed(v), reaction));
     sums
+}
+
+/// The sum over the held vertices of each group that has some.
+fn group_sums<'a>(
+    groups: &'a [(String, Vec<u32>)],
+    is_held: &'a dyn Fn(u32) -> bool,
+    reaction: &'a [[f64; 3]],
+) -> impl Iterator<Item = (String, [f64; 3])> + 'a {
+    groups.iter().filter(|(_, vertices)| vertices.iter().any(|v| is_held(*v))).map(move |(name, vertices)| {
+        (name.clone(), total(vertices.iter().filter(|v| is_held(**v)).map(|v| reaction[*v as usize])))
+    })
+}
+
+fn total(forces: impl IntoIterator<Item = [f64; 3]>) -> [f64; 3] {
+    forces.into_iter().fold([0.0; 3], |sum, f| [0, 1, 2].map(|d| sum[d] + f[d]))
 }
 
 fn finite(v: f64) -> Option<f64> {

@@ -6,8 +6,14 @@ use crate::settings::DeformSettings;
 use proxel_model::bending::Bending;
 use proxel_split::SymmetricForm;
 
-/// Refuses what asks for triangles where there are none.
-pub(super) fn check(name: &str, settings: &DeformSettings, kinds: &[Cells]) -> Result<(), DeformError> {
+/// Refuses what asks for triangles where there are none, and triangles that are none.
+pub(super) fn check(
+    name: &str,
+    points: &[[f64; 3]],
+    settings: &DeformSettings,
+    kinds: &[Cells],
+) -> Result<(), DeformError> {
+    check_areas(name, points, kinds)?;
     if settings.bending > 0.0 && !kinds.iter().any(|cells| matches!(cells, Cells::Triangles(_))) {
         return Err(DeformError(format!(
             "{name}: it has no elastic triangles to bend; leave --bending out, or use --mixed where there are tetrahedra too"
@@ -47,5 +53,66 @@ pub(super) fn bending(
             bending.degenerate.len()
         ));
     }
-    bending.form(settings.bending)
+    let form = bending.form(settings.bending);
+    // The energy over K has no unit: a closed cylinder has about 30, a fold by an angle t about t^2 for each edge of it.
+    if form.value_and_gradient(rest, 3, None) > FLAT * settings.bending {
+        warnings.push(format!("{name}: the sheet is not flat at rest; bending is that of a flat one and flattens it"));
+    }
+    form
+}
+
+/// Bending energies at rest up to this part of the stiffness are rounding.
+const FLAT: f64 = 1e-6;
+
+/// Triangles thinner than this, as 4 sqrt(3) area over the sum of squared edges (1 for an equilateral one), are lines up to
+/// rounding.
+const LINE: f64 = 1e-12;
+
+/// Refuses triangles without an area, which resist nothing.
+fn check_areas(name: &str, points: &[[f64; 3]], kinds: &[Cells]) -> Result<(), DeformError> {
+    for cells in kinds {
+        let Cells::Triangles(triangles) = cells else { continue };
+        for (t, corners) in triangles.iter().enumerate() {
+            let [a, b, c] = corners.map(|v| points[v as usize]);
+            let minus = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|d| a[d] - b[d]);
+            let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|d| a[d] * b[d]).sum::<f64>();
+            let (u, v, w) = (minus(b, a), minus(c, a), minus(c, b));
+            let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+            let quality = 2.0 * 3f64.sqrt() * dot(n, n).sqrt() / (dot(u, u) + dot(v, v) + dot(w, w));
+            if quality.is_nan() || quality <= LINE {
+                return Err(DeformError(format!(
+                    "{name}: triangle {t} (0-based) has no area, its corners {corners:?} lie on a line; move or remove it"
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A warning where elements have the same corners: they count as often as they are there.
+pub(super) fn repeated(name: &str, kinds: &[Cells]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for cells in kinds {
+        let mut sorted: Vec<(Vec<u32>, usize)> = cells
+            .corners()
+            .chunks_exact(cells.size())
+            .map(|corners| {
+                let mut corners = corners.to_vec();
+                corners.sort_unstable();
+                corners
+            })
+            .zip(0..)
+            .collect();
+        sorted.sort_unstable();
+        let again = sorted.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| w[1].1);
+        let count = again.clone().count();
+        if let Some(first) = again.min() {
+            warnings.push(format!(
+                "{name}: {count} elements have the corners of another, the first is {} {first} (0-based); each counts, \
+                 so that the body is stiffer there",
+                cells.noun()
+            ));
+        }
+    }
+    warnings
 }

@@ -53,8 +53,7 @@ impl Around {
         }
         for (k, plane) in self.obstacles.iter().enumerate() {
             let finite = plane.point.iter().chain(&plane.normal).all(|x| x.is_finite());
-            let length = plane.normal.iter().map(|x| x * x).sum::<f64>();
-            if !(finite && length > 0.0 && length.is_finite()) {
+            if !finite || plane.normal.iter().all(|x| *x == 0.0) {
                 return Err(InputError::new(
                     file,
                     format!("obstacle {k} (0-based) has the point {:?} and the normal {:?}", plane.point, plane.normal),
@@ -75,6 +74,10 @@ impl Around {
                     return Err(out_of_range(file, v.0, n, &format!("equality {k} (0-based): ")));
                 }
                 *sums.entry(v.0).or_default() += row.coefficients.as_ref().map_or(1.0, |a| a[i]);
+            }
+            if sums.values().all(|a| *a == 0.0) {
+                let what = format!("equality {k} (0-based) has coefficients that are or add up to 0");
+                return Err(InputError::new(file, what, "give some vertex a coefficient or remove it"));
             }
             rows.push(Equality { nodes: sums.into_iter().collect(), value: row.value });
         }

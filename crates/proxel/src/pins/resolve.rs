@@ -118,8 +118,8 @@ impl PinFile {
                     return Err(InputError::new(&self.name, what, "give smaller factors or translations"));
                 }
                 if let Some(t) = targets.insert(v, target) {
-                    if !same_bits(t, target) {
-                        return Err(self.contradiction(v, name, name));
+                    if t != target {
+                        return Err(self.contradiction(v, (name, t), (name, target)));
                     }
                     repeats += 1;
                     twice = twice.or(Some((v, name)));
@@ -130,11 +130,9 @@ impl PinFile {
                     pulled.entry(v).or_insert(name);
                     out.soft.push((v, target, stiffness));
                 } else if let Some((t, other)) = fixed.insert(v, (target, name)) {
-                    if !same_bits(t, target) {
-                        return Err(self.contradiction(v, other, name));
+                    if t != target {
+                        return Err(self.contradiction(v, (other, t), (name, target)));
                     }
-                    let what = format!("groups `{other}` and `{name}` overlap: both hold vertex {v}");
-                    return Err(InputError::new(&self.name, what, "take the vertex out of one of them"));
                 }
             }
         }
@@ -180,16 +178,12 @@ impl PinFile {
         Ok(())
     }
 
-    fn contradiction(&self, v: u32, a: &str, b: &str) -> InputError {
+    fn contradiction(&self, v: u32, (a, to): (&str, V3), (b, other): (&str, V3)) -> InputError {
         let what = if a == b {
-            format!("group `{a}`: vertex {v} has two targets")
+            format!("group `{a}`: vertex {v} has two targets, {to:?} and {other:?}")
         } else {
-            format!("groups `{a}` and `{b}` send vertex {v} to different places")
+            format!("groups `{a}` and `{b}` send vertex {v} to different places, {to:?} and {other:?}")
         };
         InputError::new(&self.name, what, "take the vertex out of one of them, or give it a stiffness")
     }
-}
-
-fn same_bits(a: V3, b: V3) -> bool {
-    a.map(f64::to_bits) == b.map(f64::to_bits)
 }

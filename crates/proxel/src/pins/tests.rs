@@ -132,18 +132,21 @@ fn loads_on_pins_are_dropped_with_a_warning() {
 }
 
 #[test]
-fn overlapping_groups_are_refused() {
-    assert_eq!(
-        refusal("[groups.a]\nindices = [1, 2]\n[groups.b]\nindices = [2, 3]"),
-        "p.toml: groups `a` and `b` overlap: both hold vertex 2; take the vertex out of one of them"
-    );
+fn groups_that_agree_may_share_vertices() {
+    let h = handles("[groups.a]\nindices = [1, 2]\n[groups.b]\nindices = [2, 3]");
+    assert_eq!(h.fixed.iter().map(|f| f.0).collect::<Vec<_>>(), [1, 2, 3]);
+    assert_eq!(h.groups, [("a".to_owned(), vec![1, 2]), ("b".to_owned(), vec![2, 3])]);
+}
+
+#[test]
+fn groups_that_contradict_each_other_are_refused() {
     assert_eq!(
         refusal("[groups.a]\nindices = [1, 2]\n[groups.s]\nindices = [3, 1]\nstiffness = 1"),
         "p.toml: groups `a` and `s` overlap: the one holds vertex 1, the other pulls at it; take the vertex out of one of them"
     );
     assert_eq!(
         refusal("[groups.a]\nindices = [1, 2]\n[groups.b]\nindices = [2]\ntranslate = [1, 0, 0]"),
-        "p.toml: groups `a` and `b` send vertex 2 to different places; take the vertex out of one of \
+        "p.toml: groups `a` and `b` send vertex 2 to different places, [0.0, 1.0, 0.0] and [1.0, 1.0, 0.0]; take the vertex out of one of \
          them, or give it a stiffness"
     );
     assert!(refusal("[groups.a]\nindices = [1, 1]\ntargets = [[0,0,0],[0,0,1]]").contains("vertex 1 has two targets"));
@@ -182,6 +185,10 @@ fn groups_that_make_no_sense_are_refused() {
         ("[groups.a]\nindices = [1]\npressure = nan", "a number of `pressure` is NaN"),
         ("[[equality]]\nvertices = []", "equality 0 (0-based) names no vertices"),
         ("[[equality]]\nvertices = [1, 9]", "equality 0 (0-based): vertex index 9 is out of range"),
+        (
+            "[[equality]]\nvertices = [1, 1]\ncoefficients = [1, -1]",
+            "equality 0 (0-based) has coefficients that are or add",
+        ),
         ("[[equality]]\nvertices = [1, 2]\ncoefficients = [1]", "1 coefficients for 2 vertices"),
         ("[[equality]]\nvertices = [1]\nvalue = [0, inf, 0]", "has the number inf"),
         ("[[equality]]\nvertex = [1]", "unknown field `vertex`, expected one of `vertices`"),

@@ -30,7 +30,7 @@ impl Carried {
     /// # Errors
     /// As [`super::super::extras`].
     pub fn lattice(&self) -> Result<(Mesh, Fields), DeformError> {
-        let mesh = self.input.rest.with_points(self.result.positions.clone())?;
+        let mesh = self.embedding.lattice.with_points(self.result.positions.clone())?;
         let mut fields = extras(&self.input, &self.settings, &self.result)?.to_fields(&mesh);
         fields.cell("fill", 1, self.embedding.fill.clone());
         Ok((mesh, fields))
@@ -45,11 +45,11 @@ impl Carried {
         result: &Deformation,
     ) -> Result<Extras, DeformError> {
         let mesh = &input.rest;
-        let n = mesh.n_verts();
         let lattice = extras(&self.input, &DeformSettings { density: 0.0, ..settings.clone() }, &self.result)?;
         let displacement =
             mesh.points.iter().zip(&result.positions).map(|(a, b)| std::array::from_fn(|d| b[d] - a[d])).collect();
-        let mut out = Extras { displacement, reaction: vec![[0.0; 3]; n], pinned: vec![0.0; n], ..Extras::default() };
+        let (reaction, pinned) = (result.reaction.clone(), vec![0.0; mesh.n_verts()]);
+        let mut out = Extras { displacement, reaction, pinned, ..Extras::default() };
         for face in mesh.faces.iter() {
             let tets = face.iter().filter_map(|&v| self.embedding.tet_of[v as usize]);
             let density = |t: &u32| lattice.energy_density[*t as usize];
@@ -59,20 +59,26 @@ impl Carried {
             out.energy_density.push(lattice.energy_density[t]);
             out.von_mises.push(lattice.von_mises[t]);
         }
+        input.fixed.iter().for_each(|(v, _)| out.pinned[*v as usize] = 1.0);
+        Ok(out)
+    }
+
+    /// The force that the body exerts on what holds each pinned vertex; 0 at others.
+    pub(super) fn reactions(&self, input: &DeformInput) -> Vec<[f64; 3]> {
+        let mut out = vec![[0.0; 3]; input.rest.n_verts()];
         let x = self.result.positions.as_flattened();
         let mut ties = Vec::new();
         for &(v, target) in &input.fixed {
             let Some((nodes, weights)) = self.embedding.at(v as usize) else { continue };
             ties.push((v, PointSpring { nodes, weights, target, stiffness: 0.0 }));
         }
-        let fixed = self.input.fixed.iter().map(|(n, _)| (*n, lattice.reaction[*n as usize]));
-        Carrier::shared(&ties, fixed, &mut out.reaction);
+        let fixed = self.input.fixed.iter().map(|(n, _)| (*n, self.result.reaction[*n as usize]));
+        Carrier::shared(&ties, fixed, &mut out);
         // Springs of pins come first among the ties, by vertex in the order of what was pinned.
         for (v, tie) in self.springs.iter().zip(&self.input.ties) {
             let gap = tie.gap(x, 3);
-            (0..3).for_each(|d| out.reaction[*v as usize][d] += tie.stiffness * gap[d]);
+            (0..3).for_each(|d| out[*v as usize][d] += tie.stiffness * gap[d]);
         }
-        input.fixed.iter().for_each(|(v, _)| out.pinned[*v as usize] = 1.0);
-        Ok(out)
+        out
     }
 }

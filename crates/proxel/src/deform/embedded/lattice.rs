@@ -2,8 +2,10 @@
 
 use super::super::start;
 use super::{Carrier, DeformError, DeformInput, DeformSettings};
+use crate::deform::Skin;
 use crate::deform::elements::Cells;
-use proxel_split::PointSpring;
+use proxel_mesh::Mesh;
+use proxel_split::{Equality, PointSpring};
 use std::collections::BTreeMap;
 
 /// Stiffness of all pins in a tetrahedron together, in units of what squeezes its cell: modulus times side. A force that
@@ -40,15 +42,56 @@ impl Carrier {
             }
         };
         let lattice = DeformInput {
-            rest: self.embedding.lattice.clone(),
+            // Messages name vertices of the surface.
+            rest: Mesh { name: self.name.clone(), ..self.embedding.lattice.clone() },
             start,
             fixed: held.nodes,
             ties,
             loads: self.loads(input, settings),
             fill: Some(self.embedding.fill.clone()),
+            pressures: input.pressures.clone(),
+            equalities: self.equalities(input),
+            obstacles: input.obstacles.clone(),
+            skin: Some(self.skin(&input.rest)),
             ..DeformInput::default()
         };
         Ok((lattice, DeformSettings { density: 0.0, ..settings.clone() }))
+    }
+
+    /// The surface, outside out.
+    fn skin(&self, surface: &Mesh) -> Skin {
+        let mut triangles = surface.faces.fan_triangles();
+        if self.is_turned {
+            triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        Skin::new((0..surface.n_verts()).map(|v| self.embedding.at(v)).collect(), &triangles)
+    }
+
+    /// Rows over the nodes. A pinned vertex counts as where it is held, whether the lattice brings it there or
+    /// [`super::HELD`] allows for what it lacks, and a vertex of no face as where it rests.
+    fn equalities(&self, input: &DeformInput) -> Vec<Equality> {
+        let pinned: BTreeMap<u32, [f64; 3]> = input.fixed.iter().copied().collect();
+        let of_row = |row: &Equality| {
+            let mut nodes: BTreeMap<u32, f64> = BTreeMap::new();
+            let mut value = row.value;
+            for &(v, a) in &row.nodes {
+                let held = pinned.get(&v).or_else(|| input.rest.points.get(v as usize));
+                match (pinned.contains_key(&v), self.embedding.at(v as usize), held) {
+                    (false, Some((carrying, weights)), _) => {
+                        carrying.iter().zip(weights).for_each(|(n, w)| *nodes.entry(*n).or_default() += a * w);
+                    }
+                    (_, _, Some(place)) => (0..3).for_each(|d| value[d] -= a * place[d]),
+                    // Out of range: a row that is refused.
+                    (_, _, None) => value = [f64::NAN; 3],
+                }
+            }
+            // What is left of a row over pins alone is whether they meet it.
+            if nodes.is_empty() && !row.nodes.is_empty() {
+                nodes.insert(0, 0.0);
+            }
+            Equality { nodes: nodes.into_iter().collect(), value }
+        };
+        input.equalities.iter().map(of_row).collect()
     }
 
     fn tie(&self, v: usize, target: [f64; 3], stiffness: f64) -> Option<PointSpring> {

@@ -6,12 +6,13 @@ mod lattice;
 
 pub use carried::Carried;
 
-use super::body::check_vectors;
-use super::{DeformError, DeformInput, Deformation, Hooks, deform_here};
+use super::body::{check_size, check_vectors};
+use super::{DeformError, DeformInput, Deformation, Hooks, deform_here, group_sums};
 use crate::report::LatticeReport;
 use crate::settings::{DeformSettings, SurfaceModel};
 use proxel_mesh::Mesh;
 use proxel_mesh::embed::{Embedding, NEARLY_CLOSED, embed, mesh_closedness};
+use std::time::Instant;
 
 /// A pinned vertex of the surface that comes within this part of the bounding box's diagonal of where it is to be is put
 /// there exactly: stiff springs yield less. What is farther away the lattice cannot reach.
@@ -27,7 +28,8 @@ const HELD: f64 = 1e-4;
 pub struct Carrier {
     name: String,
     embedding: Embedding,
-    diagonal: f64, // of the bounding box
+    diagonal: f64,   // of the bounding box
+    is_turned: bool, // normals point inward
     warnings: Vec<String>,
 }
 
@@ -51,6 +53,7 @@ impl Carrier {
         mesh.check_indices()?;
         mesh.check_repeated()?;
         let name = if mesh.name.is_empty() { "surface".to_string() } else { mesh.name.clone() };
+        check_size(&name, mesh)?;
         let mut embedding = embed(mesh, settings.resolution)?;
         embedding.lattice.name = format!("{name} (lattice)");
         let mut warnings = Vec::new();
@@ -72,7 +75,8 @@ impl Carrier {
             ));
         }
         let diagonal = mesh.bounding_box().map_or(0.0, |(low, high)| distance(low, high));
-        Ok(Carrier { name, embedding, diagonal, warnings })
+        let is_turned = mesh_closedness(mesh) < 0.0;
+        Ok(Carrier { name, embedding, diagonal, is_turned, warnings })
     }
 
     /// Decides by the settings and by whether the surface is nearly closed.
@@ -98,6 +102,7 @@ impl Carrier {
             }
             SurfaceModel::Auto => {
                 mesh.check_indices()?;
+                check_size(&mesh.name, mesh)?;
                 let closedness = mesh_closedness(mesh).abs();
                 if closedness < NEARLY_CLOSED {
                     let warning = format!(
@@ -116,10 +121,8 @@ impl Carrier {
         let cannot = [
             (!settings.materials.is_empty(), "has one material; leave --materials out"),
             (settings.bending > 0.0, "does not bend as a sheet; leave --bending out"),
+            (settings.material.energy == "spring", "is no net of springs; give another --material"),
             (settings.planar || settings.mixed, "is neither planar nor mixed; leave --planar and --mixed out"),
-            (!input.pressures.is_empty(), "takes no pressure; leave it out"),
-            (!input.equalities.is_empty(), "takes no equalities; leave them out"),
-            (!input.obstacles.is_empty(), "takes no obstacles; leave them out"),
         ];
         if let Some((_, why)) = cannot.iter().find(|(given, _)| *given) {
             return Err(DeformError(format!(
@@ -142,10 +145,11 @@ impl Carrier {
         settings: &DeformSettings,
         hooks: &mut Hooks<'_>,
         threads: usize,
+        began: Instant,
     ) -> Result<Deformation, DeformError> {
         check_vectors(&self.name, input.rest.n_verts(), input)?;
         let (lattice_input, lattice_settings) = self.lattice_problem(input, settings)?;
-        let inner = deform_here(&lattice_input, &lattice_settings, hooks, threads)?;
+        let inner = deform_here(&lattice_input, &lattice_settings, hooks, threads, began)?;
         let mut positions = self.positions(&inner.positions, &input.rest.points, &input.fixed);
         let start = self.positions(&inner.start, &input.rest.points, &input.fixed);
         let mut report = inner.report.clone();
@@ -171,8 +175,10 @@ impl Carrier {
             settings: lattice_settings,
             result: Box::new(inner),
         };
-        // Forces act on the lattice: see `Carried`.
-        let reaction = vec![[0.0; 3]; positions.len()];
+        let reaction = carried.reactions(input);
+        let mut held = vec![false; positions.len()];
+        input.fixed.iter().for_each(|(v, _)| held[*v as usize] = true);
+        report.reactions.extend(group_sums(&input.groups, &|v| held[v as usize], &reaction));
         let carried = Some(Box::new(carried));
         Ok(Deformation { positions, start, status, report, repaired_tets: None, reaction, carried })
     }
