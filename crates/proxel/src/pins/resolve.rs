@@ -129,10 +129,10 @@ impl PinFile {
                 if let Some(stiffness) = group.stiffness {
                     pulled.entry(v).or_insert(name);
                     out.soft.push((v, target, stiffness));
-                } else if let Some((t, other)) = fixed.insert(v, (target, name)) {
-                    if t != target {
-                        return Err(self.contradiction(v, (other, t), (name, target)));
-                    }
+                } else if let Some((t, other)) = fixed.insert(v, (target, name))
+                    && t != target
+                {
+                    return Err(self.contradiction(v, (other, t), (name, target)));
                 }
             }
         }
