@@ -78,6 +78,36 @@ impl Potential for Pressure {
         -self.pressure * volume
     }
 
+    fn has_hessian(&self) -> bool {
+        true
+    }
+
+    /// With A the area and H the height of a triangle: -p (dH/dv dA/dw + dA/dv dH/dw + H d2A/dvdw), where dH/dv = n / 3,
+    /// dA/da = (b - c) x n / 2, and d2A/dadb is the matrix of -n x . / 2.
+    fn for_each_block(&self, x: &[f64], give: &mut dyn FnMut(usize, usize, [[f64; 3]; 3])) {
+        let n = self.normal;
+        let turn = [[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]]; // of n x .
+        for t in &self.triangles {
+            let [a, b, c] = t.map(|v| [0, 1, 2].map(|d| x[v as usize * 3 + d]));
+            let height = (dot(n, a) + dot(n, b) + dot(n, c)) / 3.0 - self.height;
+            let areas = [minus(b, c), minus(c, a), minus(a, b)].map(|opposite| cross(opposite, n).map(|v| v / 2.0));
+            for (v, row) in t.iter().enumerate() {
+                for (w, column) in t.iter().enumerate().filter(|(_, column)| row >= column) {
+                    // The next corner's share of the area turns one way, the one before's the other.
+                    let sign = [0.0, -0.5, 0.5][(w + 3 - v) % 3];
+                    let mut block = [[0.0; 3]; 3];
+                    for i in 0..3 {
+                        for j in 0..3 {
+                            let mixed = (n[i] * areas[w][j] + areas[v][i] * n[j]) / 3.0;
+                            block[i][j] = -self.pressure * (mixed + height * sign * turn[i][j]);
+                        }
+                    }
+                    give(*row as usize, *column as usize, block);
+                }
+            }
+        }
+    }
+
     fn n(&self) -> usize {
         self.triangles.as_flattened().iter().max().map_or(0, |v| *v as usize + 1)
     }

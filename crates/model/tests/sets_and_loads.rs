@@ -31,6 +31,36 @@ fn pressure_is_minus_p_times_volume_and_has_its_gradient() {
         let mut g = vec![0.0; 18];
         pressure.value_and_gradient(&bent, Some(&mut g));
         check_gradient(|x| pressure.value_and_gradient(x, None), &g, &bent, 1e-3, 1e-8).unwrap();
+        let mut hessian = vec![0.0; 18 * 18];
+        pressure.for_each_block(&bent, &mut |v, w, block| {
+            for (i, row) in block.iter().enumerate() {
+                for (j, value) in row.iter().enumerate() {
+                    hessian[(3 * v + i) * 18 + 3 * w + j] += value;
+                    if v != w {
+                        hessian[(3 * w + j) * 18 + 3 * v + i] += value;
+                    }
+                }
+            }
+        });
+        let h = 1e-5;
+        for k in 0..18 {
+            let gradient_at = |step: f64| {
+                let mut x = bent.clone();
+                x[k] += step;
+                let mut g = vec![0.0; 18];
+                pressure.value_and_gradient(&x, Some(&mut g));
+                g
+            };
+            let (above, below) = (gradient_at(h), gradient_at(-h));
+            for i in 0..18 {
+                let difference = (above[i] - below[i]) / (2.0 * h);
+                assert!(
+                    (difference - hessian[i * 18 + k]).abs() < 1e-9,
+                    "{i} {k}: {difference} {}",
+                    hessian[i * 18 + k]
+                );
+            }
+        }
         if !open {
             // A pressure pushes a closed surface nowhere.
             for d in 0..3 {

@@ -189,7 +189,7 @@ impl Admm {
     /// Whether the problem has second derivatives, and no equalities, so that Newton's method applies.
     pub fn has_curvature(&mut self) -> bool {
         let quadratic = &self.problem.quadratic;
-        if !(quadratic.potentials.is_empty() && quadratic.equalities.is_empty()) {
+        if !(quadratic.potentials.iter().all(|p| p.has_hessian()) && quadratic.equalities.is_empty()) {
             return false;
         }
         self.problem.terms.iter_mut().all(|term| term.curvature().is_some())

@@ -8,4 +8,15 @@ pub trait Potential: std::fmt::Debug + Send + Sync {
 
     /// Nodes that it names are below this.
     fn n(&self) -> usize;
+
+    /// Whether [`Self::for_each_block`] gives its second derivatives. They may only tie nodes that share an element.
+    fn has_hessian(&self) -> bool {
+        false
+    }
+
+    /// Parts of its second derivatives at x: the derivative of the gradient at node i by the position of node j, for i >= j,
+    /// rows for i. A pair may come more than once; parts add up.
+    fn for_each_block(&self, x: &[f64], give: &mut dyn FnMut(usize, usize, [[f64; 3]; 3])) {
+        let _ = (x, give);
+    }
 }

@@ -7,7 +7,8 @@ use std::sync::Arc;
 /// d^2 E / dx^2 over the free nodes, and its factor in f32 where one is asked for.
 pub struct Hessian {
     matrix: BlockMatrix,
-    form: Vec<f64>, // of the quadratic form and of springs at points, slot by slot; empty where there is none
+    potentials: Vec<u32>, // slots of the blocks of potentials, in the order in which they come; NONE for fixed nodes
+    form: Vec<f64>,       // of the quadratic form and of springs at points, slot by slot; empty where there is none
     symbolic: Option<Arc<Symbolic>>, // of the factor
     factor: Option<Cholesky<f32>>,
     factored: bool, // the last attempt to factor was a success
@@ -24,6 +25,9 @@ pub struct FactorCost {
     /// Numbers that a solve reads.
     pub entries: f64,
 }
+
+/// No slot.
+const NONE: u32 = u32::MAX;
 
 impl FactorCost {
     /// The factor of the Hessian has `dim` x `dim` blocks where the normal matrix has numbers.
@@ -55,12 +59,25 @@ impl Hessian {
                 }
             }
         }
-        if !problem.quadratic.potentials.is_empty() {
+        if problem.quadratic.potentials.iter().any(|p| !p.has_hessian()) {
             return Err(SystemError::Factor(
-                "pressure has no second derivatives; take a method without them".to_string(),
+                "pressure on a surface in a lattice has no second derivatives; take a method without them".to_string(),
             ));
         }
         let matrix = BlockMatrix::new(pattern, problem.dim)?;
+        let (mut potentials, mut apart) = (Vec::new(), None);
+        for potential in &problem.quadratic.potentials {
+            potential.for_each_block(&problem.x0, &mut |i, j, _| {
+                let slot = if i.max(j) < problem.n_free { pattern.slot(i, j) } else { None };
+                if slot.is_none() && i.max(j) < problem.n_free {
+                    apart = Some((i, j));
+                }
+                potentials.push(slot.map_or(NONE, |slot| slot as u32));
+            });
+        }
+        if let Some((i, j)) = apart {
+            return Err(SystemError::Factor(format!("a potential ties nodes {i} and {j}, which share no element")));
+        }
         let mut form = Vec::new();
         if !problem.quadratic.form.is_empty() {
             form.resize(pattern.nnz(), 0.0);
@@ -74,7 +91,15 @@ impl Hessian {
                 }
             });
         }
-        Ok(Hessian { matrix, form, symbolic: None, factor: None, factored: false, scratch: SolveScratch::default() })
+        Ok(Hessian {
+            matrix,
+            potentials,
+            form,
+            symbolic: None,
+            factor: None,
+            factored: false,
+            scratch: SolveScratch::default(),
+        })
     }
 
     /// The Hessian at x.
@@ -94,7 +119,24 @@ impl Hessian {
         if !self.form.is_empty() {
             self.matrix.add_identities(&self.form)?;
         }
+        // What is projected is to stay positive semidefinite: a potential need not be, and is left out then.
+        if projection == Projection::None {
+            self.add_potentials(problem, x);
+        }
         Ok(())
+    }
+
+    fn add_potentials(&mut self, problem: &Problem, x: &[f64]) {
+        let size = self.matrix.dim() * self.matrix.dim();
+        let (values, mut slots) = (self.matrix.values_mut(), self.potentials.iter());
+        for potential in &problem.quadratic.potentials {
+            potential.for_each_block(x, &mut |_, _, block| {
+                if let Some(slot) = slots.next().filter(|slot| **slot != NONE) {
+                    let to = &mut values[*slot as usize * size..][..size];
+                    to.iter_mut().zip(block.as_flattened()).for_each(|(to, v)| *to += v);
+                }
+            });
+        }
     }
 
     /// The matrix as it was assembled.
