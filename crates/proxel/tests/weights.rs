@@ -34,10 +34,9 @@ fn solve(input: &DeformInput, poisson: f64, base: BaseWeight) -> Report {
 #[test]
 fn nearly_incompressible_materials_start_from_the_geometric_mean() {
     let input = twisted();
-    for (poisson, like, other) in [
-        (0.45, BaseWeight::Slope, BaseWeight::GeometricMean),
-        (0.49, BaseWeight::GeometricMean, BaseWeight::Slope),
-    ] {
+    for (poisson, like, other) in
+        [(0.45, BaseWeight::Slope, BaseWeight::GeometricMean), (0.49, BaseWeight::GeometricMean, BaseWeight::Slope)]
+    {
         let [auto, like, other] = [BaseWeight::Auto, like, other].map(|base| solve(&input, poisson, base));
         assert_eq!((auto.iterations, auto.energy), (like.iterations, like.energy), "{poisson}");
         assert_ne!(like.energy, other.energy, "{poisson}: the same bits by other weights");
