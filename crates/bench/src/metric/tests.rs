@@ -61,7 +61,7 @@ fn the_gradient_is_the_slope_of_the_penalty() {
     for i in 0..x.len() {
         let mut at = |h: f64| {
             x[i] += h;
-            let value = term.penalty(&x, &p, &mut vec![0.0; 15]).value;
+            let value = term.penalty(&x, &p, &mut [0.0; 15]).value;
             x[i] -= h;
             value
         };
