@@ -10,6 +10,7 @@
 
 pub mod data;
 mod error;
+pub mod metric;
 pub mod parts;
 pub mod plot;
 pub mod published;

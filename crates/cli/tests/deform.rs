@@ -130,7 +130,7 @@ fn orientation_is_fixed_where_asked() {
 #[test]
 fn settings_are_shown_with_defaults_and_nothing_is_solved() {
     let folder = Folder::new("settings");
-    let run = folder.run("deform --show-settings --method r-admm --mu 2 --gravity -1,0,0");
+    let run = folder.run("deform --show-settings --method r-admm --mu 2 --gravity -1,0,0 --base-weight geometric-mean");
     run.is(0);
     let s: serde_json::Value = serde_json::from_str(&run.out).unwrap();
     assert_eq!((s["method"].as_str(), s["material"]["mu"].as_f64()), (Some("r-admm"), Some(2.0)));
@@ -139,6 +139,7 @@ fn settings_are_shown_with_defaults_and_nothing_is_solved() {
         (Some(5000), Some(1e-9), Some(-1.0))
     );
     assert_eq!(s["admm"]["window"].as_u64(), Some(6));
+    assert_eq!(s["admm"]["base_weight"].as_str(), Some("geometric-mean"));
     folder.run("deform --show-settings --poisson 0.5").is_refused(&["--poisson"]);
     assert_eq!(folder.names(), [""; 0]);
 }

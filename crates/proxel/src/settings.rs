@@ -30,13 +30,16 @@ pub enum Schedule {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BaseWeight {
-    /// The slope fit; where a splitting has static weights the rest Hessian, which is larger and safer; where weights are
-    /// dynamic and the coupling is linear half the slope fit, since that is slow in rotations, which ask for soft weights.
+    /// The slope fit, or the geometric mean where that exceeds it by half, which it does for nearly incompressible materials.
+    /// Where a splitting has static weights the rest Hessian, which is larger and safer; where weights are dynamic and
+    /// the coupling is linear half the slope fit, since that is slow in rotations, which ask for soft weights.
     Auto,
     /// The largest eigenvalue of the Hessian at rest, W(21).
     RestHessian,
     /// The slope fit of Liu et al. 2017.
     Slope,
+    /// The geometric mean of the largest and the smallest eigenvalue of the Hessian at rest (docs/weights.md).
+    GeometricMean,
 }
 
 /// What candidate weights are taken from.

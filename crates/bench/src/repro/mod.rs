@@ -16,6 +16,7 @@ mod spring;
 mod sweeps;
 mod table1;
 mod variants;
+mod weights;
 
 pub use context::{Context, Options};
 
@@ -39,7 +40,7 @@ pub struct Reproduction {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 9] = [
+pub const ALL: [Reproduction; 10] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -102,6 +103,13 @@ pub const ALL: [Reproduction; 9] = [
         models: &[],
         standalone: false,
         run: schedules::run,
+    },
+    Reproduction {
+        name: "weights",
+        about: "first weights near incompressibility, weights that are no scalars, Anderson acceleration of WRAPD",
+        models: SMALL,
+        standalone: false,
+        run: weights::run,
     },
 ];
 

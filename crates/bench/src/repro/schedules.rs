@@ -14,13 +14,14 @@ use std::fmt::Write as _;
 type Change = (&'static str, fn(&mut AdmmSettings));
 
 /// What the schedules differ in, and the line search that W leaves out; both values of each.
-const CHANGES: [Change; 8] = [
+const CHANGES: [Change; 9] = [
     ("inner stop: step taken", |s| s.inner_stop = InnerStopName::StepTaken),
     ("inner stop: next step", |s| s.inner_stop = InnerStopName::NextStep),
     ("local frame: eigenvalues", |s| s.local_frame = LocalFrame::Eigenvalues),
     ("local frame: singular values", |s| s.local_frame = LocalFrame::SingularValues),
     ("base weight: slope", |s| s.base_weight = BaseWeight::Slope),
     ("base weight: rest Hessian", |s| s.base_weight = BaseWeight::RestHessian),
+    ("base weight: geometric mean", |s| s.base_weight = BaseWeight::GeometricMean),
     ("line search: off", |s| s.line_search = false),
     ("line search: on", |s| s.line_search = true),
 ];

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use proxel::model::energy::{MaterialError, names};
-use proxel::settings::{DeformSettings, Material, MethodName, ProjectionName, Schedule, SurfaceModel};
+use proxel::settings::{BaseWeight, DeformSettings, Material, MethodName, ProjectionName, Schedule, SurfaceModel};
 
 use crate::args::{SolveArgs, pair, six, vector};
 use crate::refusal::Refusal;
@@ -161,6 +161,10 @@ pub struct MethodArgs {
     /// set to 0; made positive; or the better of these two at each step.
     #[arg(long, value_name = "NAME", value_parser = ["on-demand", "clamp", "abs", "trust-region"])]
     pub projection: Option<String>,
+    /// Stiffness that the squared weights are at first: the largest eigenvalue of the Hessian at rest, the slope fit of Liu
+    /// et al. 2017, the geometric mean of the extreme eigenvalues; auto chooses by method and material.
+    #[arg(long, value_name = "NAME", value_parser = ["auto", "rest-hessian", "slope", "geometric-mean"])]
+    pub base_weight: Option<String>,
     /// Factor of the squared weights.
     #[arg(long, value_name = "BETA", allow_negative_numbers = true)]
     pub weight_scale: Option<f64>,
@@ -291,6 +295,15 @@ impl MethodArgs {
         set(to, self.anderson);
         settings.patch_tol = self.patch_tol;
         let admm = &mut settings.admm;
+        set(
+            &mut admm.base_weight,
+            self.base_weight.as_deref().map(|name| match name {
+                "rest-hessian" => BaseWeight::RestHessian,
+                "slope" => BaseWeight::Slope,
+                "geometric-mean" => BaseWeight::GeometricMean,
+                _ => BaseWeight::Auto, // clap lets no other through
+            }),
+        );
         set(&mut admm.weight_scale, self.weight_scale);
         set(&mut admm.reweight_from, self.reweight_from);
         set(&mut admm.reweight_trigger, self.gamma);

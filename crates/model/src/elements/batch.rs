@@ -29,6 +29,17 @@ pub struct BatchWeights {
     pub softening: f64,
 }
 
+/// The stiffness of an energy at rest, in the three ways that weights are taken from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stiffness {
+    /// [`Energy::rest_stiffness`]
+    pub largest: f64,
+    /// [`Energy::slope_stiffness`]
+    pub slope: f64,
+    /// [`Energy::mean_stiffness`]
+    pub mean: f64,
+}
+
 /// What a batch is made of.
 pub struct Batch<'a> {
     /// Its elements.
@@ -49,8 +60,8 @@ pub struct Batch<'a> {
     pub rotation_aware: bool,
     /// See [`Elements::with_singular_values`].
     pub singular_values: bool,
-    /// The weights from the stiffness at rest and the slope fit of the energy.
-    pub weights: &'a dyn Fn(f64, f64) -> BatchWeights,
+    /// The weights from what the energy is at rest.
+    pub weights: &'a dyn Fn(Stiffness) -> BatchWeights,
 }
 
 /// Why there is no such batch.
@@ -123,7 +134,11 @@ impl Batch<'_> {
         if let Some(fill) = self.fill {
             rest = rest.filled(|e| fill.get(e).copied().unwrap_or(1.0))?;
         }
-        let weights = (self.weights)(energy.rest_stiffness(), energy.slope_stiffness());
+        let weights = (self.weights)(Stiffness {
+            largest: energy.rest_stiffness(),
+            slope: energy.slope_stiffness(),
+            mean: energy.mean_stiffness(),
+        });
         let positive = energy.is_positive();
         let term: Box<dyn Term> = match self.rotation_aware {
             true => Box::new(

@@ -64,6 +64,9 @@ pub trait Density<const K: usize>: Send + Sync {
 
     /// [`Energy::slope_stiffness`]
     fn slope_stiffness(&self) -> f64;
+
+    /// [`Energy::mean_stiffness`]
+    fn mean_stiffness(&self) -> f64;
 }
 
 struct ProxKernel<'a, E, const K: usize> {
@@ -249,5 +252,9 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
 
     fn slope_stiffness(&self) -> f64 {
         Energy::slope_stiffness(self)
+    }
+
+    fn mean_stiffness(&self) -> f64 {
+        Energy::mean_stiffness(self)
     }
 }

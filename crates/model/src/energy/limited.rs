@@ -106,4 +106,8 @@ impl<const K: usize, E: Energy<K>> Energy<K> for Limited<E> {
     fn slope_stiffness(&self) -> f64 {
         self.energy.slope_stiffness()
     }
+
+    fn mean_stiffness(&self) -> f64 {
+        self.energy.mean_stiffness()
+    }
 }

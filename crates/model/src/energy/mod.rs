@@ -193,6 +193,17 @@ pub trait Energy<const K: usize>: Clone + Send + Sync + 'static {
         }
         xy / xx
     }
+
+    /// The geometric mean of the largest and the smallest eigenvalue of the Hessian at rest: the penalty under which ADMM
+    /// on a quadratic is fastest (Ghadimi, Teixeira, Shames and Johansson 2015). Near incompressibility it grows with the
+    /// square root of the largest, which is that of [`Energy::rest_stiffness`].
+    ///
+    /// At rest all psi_ii are equal, and so are all psi_ij: the eigenvalues are psi_11 - psi_12 and psi_11 + (K - 1) psi_12.
+    fn mean_stiffness(&self) -> f64 {
+        let h = self.hessian([1.0; K]);
+        let off = if K > 1 { h[0][K - 1] } else { 0.0 };
+        ((h[0][0] - off) * ((K - 1) as f64).mul_add(off, h[0][0])).sqrt()
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::DeformError;
 use crate::settings::{BaseWeight, Candidate, DeformSettings, LocalFrame, Material};
 use proxel_mesh::{Mesh, topology};
-use proxel_model::elements::{Batch, BatchError, BatchShape, BatchWeights, ElementError, batch};
+use proxel_model::elements::{Batch, BatchError, BatchShape, BatchWeights, ElementError, Stiffness, batch};
 use proxel_split::Term;
 use std::collections::BTreeMap;
 
@@ -127,6 +127,10 @@ pub(super) struct Built {
     pub barrier: bool,
 }
 
+/// Where the slope fit exceeds the geometric mean of the stiffness this many times, the material is so stiff against changes
+/// of volume that a weight that suits them suits no change of shape (docs/weights.md).
+const NEARLY_INCOMPRESSIBLE: f64 = 1.5;
+
 /// The elements `chosen` of `cells` as a batch over flat positions `x` at rest, three numbers a node or, in the plane, two;
 /// `number` renumbers vertices, `fill` is the part of every element that is material.
 pub(super) fn build(
@@ -160,18 +164,20 @@ pub(super) fn build(
     let admm = &settings.admm;
     let method = settings.method;
     let fixed = method.is_splitting() && !method.is_reweighted();
-    let weights = |rest: f64, slope: f64| {
-        let stiffness = match admm.base_weight {
-            BaseWeight::RestHessian => rest,
+    let weights = |Stiffness { largest, slope, mean }| {
+        let stiffness: f64 = match admm.base_weight {
+            BaseWeight::RestHessian => largest,
             BaseWeight::Slope => slope,
-            BaseWeight::Auto if fixed => rest,
+            BaseWeight::GeometricMean => mean,
+            BaseWeight::Auto if fixed => largest,
             BaseWeight::Auto if method.is_splitting() && !method.is_rotation_aware() => 0.5 * slope,
+            BaseWeight::Auto if method.is_splitting() && slope > NEARLY_INCOMPRESSIBLE * mean => mean,
             BaseWeight::Auto => slope,
         };
         let base = stiffness * admm.weight_scale;
         let softening = match admm.candidate {
             Candidate::Hessian => 1.0,
-            Candidate::Relative => base / rest,
+            Candidate::Relative => base / largest,
         };
         BatchWeights { base, softening }
     };

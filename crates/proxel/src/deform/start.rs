@@ -36,7 +36,7 @@ pub(super) fn smooth(
             limits: None,
             rotation_aware: false,
             singular_values: false,
-            weights: &|_, _| BatchWeights { base: 1.0, softening: 1.0 },
+            weights: &|_| BatchWeights { base: 1.0, softening: 1.0 },
         };
         terms.push(batch(&of).map_err(|e| DeformError(e.to_string()))?.0);
     }

@@ -172,6 +172,21 @@ fn the_effective_stiffness_is_the_largest_eigenvalue() {
     on_all(&Stiffness);
 }
 
+#[test]
+fn the_mean_stiffness_is_that_of_the_extreme_eigenvalues() {
+    struct Mean;
+    impl Check for Mean {
+        fn run<const K: usize, E: Energy<K>>(&self, energy: &E, name: &str) {
+            let eigenvalues = jacobi(energy.hessian([1.0; K]));
+            let least = eigenvalues.into_iter().fold(f64::INFINITY, f64::min);
+            let expected = (least * energy.rest_stiffness()).sqrt();
+            let found = energy.mean_stiffness();
+            assert!(least > 0.0 && (found - expected).abs() < 1e-7 * expected, "{name} {found} {expected}");
+        }
+    }
+    on_all(&Mean);
+}
+
 /// The eigenvalues of a symmetric matrix by 20 sweeps of Jacobi rotations.
 fn jacobi<const K: usize>(mut a: [[f64; K]; K]) -> [f64; K] {
     for _ in 0..20 {
