@@ -68,7 +68,8 @@ impl Around<'_> {
         Ok(warnings)
     }
 
-    fn equalities(&self, problem: &Problem) -> Result<Equalities, DeformError> {
+    /// The rows over free nodes; fixed ones are read from the problem's start.
+    pub fn equalities(&self, problem: &Problem) -> Result<Equalities, DeformError> {
         let rows = self.input.equalities.iter().map(|Equality { nodes, value }| {
             let sum: f64 = nodes.iter().map(|n| n.1).sum();
             Equality {
@@ -124,6 +125,16 @@ impl Around<'_> {
         k: usize,
         stiffness: &[f64],
     ) -> Result<Box<dyn Term>, DeformError> {
+        let plane = self.plane::<D>(k)?;
+        self.check_plane(problem, k, &plane)?;
+        let size = size_of(&problem.x0, D);
+        let nodes = self.touching(problem.n_free);
+        let weight2 = nodes.iter().map(|v| OBSTACLE_WEIGHT * stiffness[*v as usize]).collect();
+        Ok(Box::new(Obstacle::new(plane, nodes, weight2, size)))
+    }
+
+    /// Obstacle k as the solver sees it.
+    fn plane<const D: usize>(&self, k: usize) -> Result<HalfSpace<D>, DeformError> {
         let given = self.input.obstacles[k];
         let length = given.normal[..D].iter().map(|n| n * n).sum::<f64>().sqrt();
         let finite = given.point.iter().chain(&given.normal).all(|v| v.is_finite());
@@ -137,7 +148,26 @@ impl Around<'_> {
         }
         let normal: [f64; D] = std::array::from_fn(|d| given.normal[d] / length);
         let height = (0..D).map(|d| normal[d] * (given.point[d] - self.center[d])).sum();
-        let plane = HalfSpace { normal, height };
+        Ok(HalfSpace { normal, height })
+    }
+
+    /// Whether all fixed vertices are in front of all obstacles; they are read from the problem's start.
+    pub fn check_held(&self, problem: &Problem) -> Result<(), DeformError> {
+        for k in 0..self.input.obstacles.len() {
+            match problem.dim {
+                2 => self.check_plane(problem, k, &self.plane::<2>(k)?)?,
+                _ => self.check_plane(problem, k, &self.plane::<3>(k)?)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn check_plane<const D: usize>(
+        &self,
+        problem: &Problem,
+        k: usize,
+        plane: &HalfSpace<D>,
+    ) -> Result<(), DeformError> {
         let size = size_of(&problem.x0, D);
         for (v, _) in &self.input.fixed {
             let at = self.number[*v as usize] as usize * D;
@@ -149,9 +179,7 @@ impl Around<'_> {
                 )));
             }
         }
-        let nodes = self.touching(problem.n_free);
-        let weight2 = nodes.iter().map(|v| OBSTACLE_WEIGHT * stiffness[*v as usize]).collect();
-        Ok(Box::new(Obstacle::new(plane, nodes, weight2, size)))
+        Ok(())
     }
 
     /// Free nodes that can touch something: all but those inside of tetrahedra, in the solver's numbering.

@@ -1,0 +1,178 @@
+//! From one minimum to the next: methods that begin with what is left of an earlier run.
+
+mod kept;
+mod response;
+
+pub use kept::Kept;
+pub use response::{Response, respond};
+
+use crate::{
+    AdmmSettings, Auto, AutoSettings, EnergyReport, Evaluation, Method, Parts, Problem, Residuals, StepReport, SystemError,
+};
+
+/// A step of [`Kept`] that leaves this part of the gradient, or more, says that the factor has grown old.
+const SLOW: f64 = 0.5;
+/// Slow steps in a row before Newton follows with a factor of its own.
+const SLOW_STEPS: usize = 2;
+
+/// One of the two, at work.
+enum Phase {
+    Kept(Box<Kept>),
+    Auto(Box<Auto>),
+    /// Between them; only after an error.
+    Nothing,
+}
+
+/// [`Kept`] while its factor serves, then [`Auto`], from Newton on.
+///
+/// For a body that moves on a little from a minimum: [`respond`] gives the start, this the rest. Nothing is lost where the
+/// factor is of no use, but for a few steps.
+pub struct Warm {
+    name: String,
+    settings: AutoSettings,
+    phase: Phase,
+    admm: Option<AdmmSettings>, // while it is not with `auto`
+    empty: Problem,
+    slow: usize, // slow steps in a row
+}
+
+impl Warm {
+    /// From the start of `auto`, which has nothing from before.
+    pub fn cold(name: String, auto: Auto, settings: AutoSettings) -> Self {
+        Self::begin(name, settings, Phase::Auto(Box::new(auto)), None)
+    }
+
+    /// Goes on from where another method has got to.
+    ///
+    /// # Errors
+    /// A term without second derivatives.
+    pub fn resume(name: String, parts: Parts, settings: AutoSettings) -> Result<Self, SystemError> {
+        let Parts { problem, normal, x, admm, hessian } = parts;
+        match hessian {
+            Some(hessian) if hessian.is_factored() => {
+                let kept = Kept::resume(problem, normal, hessian, x, 0);
+                Ok(Self::begin(name, settings, Phase::Kept(Box::new(kept)), Some(admm)))
+            }
+            hessian => {
+                let parts = Parts { problem, normal, x, admm, hessian };
+                let auto = Auto::resume(name.clone(), parts, settings.clone(), 0)?;
+                Ok(Self::begin(name, settings, Phase::Auto(Box::new(auto)), None))
+            }
+        }
+    }
+
+    fn begin(name: String, settings: AutoSettings, phase: Phase, admm: Option<AdmmSettings>) -> Self {
+        Warm { name, settings, phase, admm, empty: Problem::empty(), slow: 0 }
+    }
+
+    /// What it has worked with, for the next; none after an error.
+    pub fn into_parts(self) -> Option<Parts> {
+        match self.phase {
+            Phase::Kept(kept) => {
+                let (problem, normal, x, hessian) = kept.into_parts();
+                Some(Parts { problem, normal, x, admm: self.admm?, hessian: Some(hessian) })
+            }
+            Phase::Auto(auto) => auto.into_parts(),
+            Phase::Nothing => None,
+        }
+    }
+
+    /// Whether the factor from before is at work.
+    pub fn is_kept(&self) -> bool {
+        matches!(self.phase, Phase::Kept(_))
+    }
+
+    fn enter_auto(&mut self, iteration: usize) -> Result<(), SystemError> {
+        if let (Phase::Kept(kept), Some(admm)) = (std::mem::replace(&mut self.phase, Phase::Nothing), self.admm.take())
+        {
+            let (problem, normal, x, hessian) = kept.into_parts();
+            let parts = Parts { problem, normal, x, admm, hessian: Some(hessian) };
+            let auto = Auto::resume(self.name.clone(), parts, self.settings.clone(), iteration)?;
+            self.phase = Phase::Auto(Box::new(auto));
+        }
+        Ok(())
+    }
+
+    fn method(&self) -> Option<&dyn Method> {
+        match &self.phase {
+            Phase::Kept(kept) => Some(kept.as_ref()),
+            Phase::Auto(auto) => Some(auto.as_ref()),
+            Phase::Nothing => None,
+        }
+    }
+
+    fn method_mut(&mut self) -> Option<&mut dyn Method> {
+        match &mut self.phase {
+            Phase::Kept(kept) => Some(kept.as_mut()),
+            Phase::Auto(auto) => Some(auto.as_mut()),
+            Phase::Nothing => None,
+        }
+    }
+}
+
+impl Method for Warm {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn step(&mut self) -> Result<StepReport, SystemError> {
+        let kept = match &mut self.phase {
+            Phase::Kept(kept) => kept,
+            Phase::Auto(auto) => return auto.step(),
+            Phase::Nothing => {
+                let what = "the method ended with an error before; build it anew";
+                return Err(SystemError::Factor(what.to_string()));
+            }
+        };
+        let before = kept.evaluate().gradient_norm;
+        let mut report = kept.step()?;
+        let fast = kept.evaluate().gradient_norm < SLOW * before;
+        self.slow = if fast { 0 } else { self.slow + 1 };
+        if !report.accepted || self.slow >= SLOW_STEPS {
+            self.enter_auto(report.iteration)?;
+            // That the old factor finds nothing better says nothing of the new one.
+            report.accepted = true;
+        }
+        Ok(report)
+    }
+
+    fn x(&self) -> &[f64] {
+        self.method().map_or(&[], |m| m.x())
+    }
+
+    fn problem(&self) -> &Problem {
+        self.method().map_or(&self.empty, |m| m.problem())
+    }
+
+    fn energy(&mut self) -> EnergyReport {
+        self.method_mut().map_or_else(EnergyReport::default, |m| m.energy())
+    }
+
+    fn evaluate(&mut self) -> Evaluation {
+        self.method_mut().map_or_else(Evaluation::default, |m| m.evaluate())
+    }
+
+    fn is_evaluated(&self) -> bool {
+        self.method().is_some_and(|m| m.is_evaluated())
+    }
+
+    fn residuals(&mut self) -> Residuals {
+        self.method_mut().map_or(Residuals { primal: f64::INFINITY, dual: f64::INFINITY }, |m| m.residuals())
+    }
+
+    fn forces(&mut self) -> Option<Vec<f64>> {
+        self.method_mut().and_then(|m| m.forces())
+    }
+
+    fn forces_of_term(&mut self, term: usize) -> Option<Vec<f64>> {
+        self.method_mut().and_then(|m| m.forces_of_term(term))
+    }
+
+    fn factor_bytes(&self) -> u64 {
+        self.method().map_or(0, |m| m.factor_bytes())
+    }
+
+    fn into_problem(self: Box<Self>) -> Problem {
+        self.into_parts().map_or_else(Problem::empty, |parts| parts.problem)
+    }
+}
