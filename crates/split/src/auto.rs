@@ -234,6 +234,14 @@ impl Auto {
         matches!(self.phase, Phase::Newton(..))
     }
 
+    /// Newton, where it is at work.
+    pub fn newton(&self) -> Option<&Newton> {
+        match &self.phase {
+            Phase::Newton(newton, _) => Some(newton),
+            _ => None,
+        }
+    }
+
     fn enter_newton(&mut self) -> Result<(), SystemError> {
         if let Phase::Splitting(admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
             let (problem, normal, x, admm) = admm.into_parts();

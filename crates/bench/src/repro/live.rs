@@ -9,7 +9,7 @@ use crate::table::Table;
 use proxel::deform::{DeformInput, Deformer, Frame, Hooks, deform};
 use proxel::mesh::topology::components;
 use proxel::pins::RigidMotion;
-use proxel::settings::{DeformSettings, MethodName};
+use proxel::settings::DeformSettings;
 use proxel::split::{Method, Status};
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
@@ -26,7 +26,7 @@ type V3 = [f64; 3];
 
 pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     let threads = context.options.threads.unwrap_or(2);
-    let repeats = context.options.repeats.max(3);
+    let repeats = context.options.repeats.max(2);
     for name in context.models.clone() {
         let (model, _) = context.load(&name)?;
         let settings = DeformSettings { threads: Some(threads), ..DeformSettings::default() };
@@ -55,9 +55,9 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         let mut curves = String::new();
         let mut deformer = Deformer::new(&input, &settings).map_err(BenchError::from_display)?;
         converge(&mut deformer)?;
-        for (group, vertices) in &groups {
-            for axis in 0..3 {
-                context.tell(&format!("{name}: {group}, axis {axis}"));
+        for (k, (group, vertices)) in groups.iter().enumerate() {
+            {
+                let axis = k % 3;
                 let mut case = Case::new(&mut deformer, &model, group, axis)?;
                 let warm = case.converged(repeats)?;
                 let times = budgets(three);
@@ -66,6 +66,16 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
                     errors.push(case.error_after(*budget, repeats)?);
                 }
                 let ten = errors.iter().filter(|e| e.1 <= LEFT).map(|e| e.0).fold(f64::INFINITY, f64::min);
+                let said: Vec<String> = errors.iter().map(|(s, e)| format!("{:.1} ms {e:.2e}", s * 1e3)).collect();
+                context.tell(&format!(
+                    "{name}: {group}, {}: warm {:.0} ms in {} iterations, cold {:.0} ms, 3 iterations {:.1} ms; {}",
+                    ["x", "y", "z"][axis],
+                    warm.0 * 1e3,
+                    warm.1,
+                    cold * 1e3,
+                    three * 1e3,
+                    said.join("; ")
+                ));
                 let at_three = errors.iter().filter(|e| e.0 <= three).map(|e| e.1).fold(1.0, f64::min);
                 table.row([
                     format!("{group} ({})", vertices.len()),
@@ -90,7 +100,6 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
             "{table}\nAsked for: 1 or less in the part of 3 iterations, {PART} or less in the part of cold. Error: distance to the \
              new minimum over free vertices, over that of the old one.\n\nError against time:\n\n{curves}"
         );
-        context.tell(&context.text.clone());
     }
     Ok(())
 }

@@ -10,10 +10,12 @@ use crate::{
     AdmmSettings, Auto, AutoSettings, EnergyReport, Evaluation, Method, Parts, Problem, Residuals, StepReport, SystemError,
 };
 
-/// A step of [`Kept`] that leaves this part of the gradient, or more, says that the factor has grown old.
+/// A step of [`Kept`] that leaves this part of the gradient, or more, says that the factor has grown old. A Newton step
+/// costs six to ten of them, and this to the power of eight is a gain that it may not have either.
 const SLOW: f64 = 0.5;
-/// Slow steps in a row before Newton follows with a factor of its own.
-const SLOW_STEPS: usize = 2;
+
+/// A Newton step of full length that gained what it foretold up to this part was in the region where its factor serves on.
+const FORETOLD: f64 = 0.2;
 
 /// One of the two, at work.
 enum Phase {
@@ -23,17 +25,17 @@ enum Phase {
     Nothing,
 }
 
-/// [`Kept`] while its factor serves, then [`Auto`], from Newton on.
+/// [`Kept`] while its factor serves, then [`Auto`], from Newton on, until there is a factor that serves again: Newton's
+/// method with a factor for several steps (Shamanskii 1967), as many as it is good for.
 ///
-/// For a body that moves on a little from a minimum: [`respond`] gives the start, this the rest. Nothing is lost where the
-/// factor is of no use, but for a few steps.
+/// For a body that moves on a little from a minimum: [`respond`] gives the start, this the rest. Where the factor is of no
+/// use one step is lost.
 pub struct Warm {
     name: String,
     settings: AutoSettings,
     phase: Phase,
     admm: Option<AdmmSettings>, // while it is not with `auto`
     empty: Problem,
-    slow: usize, // slow steps in a row
 }
 
 impl Warm {
@@ -62,7 +64,7 @@ impl Warm {
     }
 
     fn begin(name: String, settings: AutoSettings, phase: Phase, admm: Option<AdmmSettings>) -> Self {
-        Warm { name, settings, phase, admm, empty: Problem::empty(), slow: 0 }
+        Warm { name, settings, phase, admm, empty: Problem::empty() }
     }
 
     /// What it has worked with, for the next; none after an error.
@@ -93,6 +95,22 @@ impl Warm {
         Ok(())
     }
 
+    /// After a step of `auto`: whether it has left a factor that serves on.
+    fn is_renewed(&self, report: &StepReport) -> bool {
+        let Phase::Auto(auto) = &self.phase else { return false };
+        let Some(newton) = auto.newton() else { return false };
+        let last = newton.last();
+        let foretold = (last.ratio - 1.0).abs() < FORETOLD;
+        report.accepted && newton.hessian().is_factored() && last.t == 1.0 && !last.warped && foretold
+    }
+
+    fn enter_kept(&mut self, iteration: usize) {
+        let Phase::Auto(auto) = std::mem::replace(&mut self.phase, Phase::Nothing) else { return };
+        let Some(Parts { problem, normal, x, admm, hessian: Some(hessian) }) = auto.into_parts() else { return };
+        self.admm = Some(admm);
+        self.phase = Phase::Kept(Box::new(Kept::resume(problem, normal, hessian, x, iteration)));
+    }
+
     fn method(&self) -> Option<&dyn Method> {
         match &self.phase {
             Phase::Kept(kept) => Some(kept.as_ref()),
@@ -116,24 +134,30 @@ impl Method for Warm {
     }
 
     fn step(&mut self) -> Result<StepReport, SystemError> {
-        let kept = match &mut self.phase {
-            Phase::Kept(kept) => kept,
-            Phase::Auto(auto) => return auto.step(),
+        match &mut self.phase {
+            Phase::Kept(kept) => {
+                let before = kept.evaluate().gradient_norm;
+                let mut report = kept.step()?;
+                let fast = kept.evaluate().gradient_norm < SLOW * before;
+                if !(report.accepted && fast) {
+                    self.enter_auto(report.iteration)?;
+                    // That the old factor finds nothing better says nothing of a new one.
+                    report.accepted = true;
+                }
+                Ok(report)
+            }
+            Phase::Auto(auto) => {
+                let report = auto.step()?;
+                if self.is_renewed(&report) {
+                    self.enter_kept(report.iteration);
+                }
+                Ok(report)
+            }
             Phase::Nothing => {
                 let what = "the method ended with an error before; build it anew";
-                return Err(SystemError::Factor(what.to_string()));
+                Err(SystemError::Factor(what.to_string()))
             }
-        };
-        let before = kept.evaluate().gradient_norm;
-        let mut report = kept.step()?;
-        let fast = kept.evaluate().gradient_norm < SLOW * before;
-        self.slow = if fast { 0 } else { self.slow + 1 };
-        if !report.accepted || self.slow >= SLOW_STEPS {
-            self.enter_auto(report.iteration)?;
-            // That the old factor finds nothing better says nothing of the new one.
-            report.accepted = true;
         }
-        Ok(report)
     }
 
     fn x(&self) -> &[f64] {

@@ -41,6 +41,8 @@ pub struct Frame {
     pub min_stretch: f64,
     /// Largest stretch.
     pub max_stretch: f64,
+    /// What the user should know about this pose, such as pins of a surface that its lattice cannot reach.
+    pub warnings: Vec<String>,
 }
 
 /// A body that is built once and then follows its handles.
@@ -181,7 +183,7 @@ impl Deformer {
         let Deformer { pool, posed, .. } = self;
         let mut frame = pool.install(|| posed.step(budget, hooks))?;
         if let Some(carrier) = &self.carrier {
-            frame.positions = self.surface(carrier, &frame.positions);
+            frame.positions = self.surface(carrier, &frame.positions, &mut frame.warnings);
         }
         Ok(frame)
     }
@@ -189,18 +191,38 @@ impl Deformer {
     /// The present pose.
     pub fn positions(&self) -> Vec<[f64; 3]> {
         let positions = self.posed.positions();
-        self.carrier.as_ref().map_or(positions.clone(), |carrier| self.surface(carrier, &positions))
+        self.carrier.as_ref().map_or(positions.clone(), |carrier| self.surface(carrier, &positions, &mut Vec::new()))
     }
 
-    fn surface(&self, carrier: &Carrier, lattice: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    fn surface(&self, carrier: &Carrier, lattice: &[[f64; 3]], warnings: &mut Vec<String>) -> Vec<[f64; 3]> {
         let mut positions = carrier.positions(lattice, &self.input.rest.points, &self.input.fixed);
-        carrier.hold(&mut positions, &self.input.fixed, &mut Vec::new());
+        carrier.hold(&mut positions, &self.input.fixed, warnings);
         positions
     }
 
     /// The groups that can be moved, with their vertices.
     pub fn groups(&self) -> &[(String, Vec<u32>)] {
         &self.input.groups
+    }
+
+    /// What it was built from, with the targets of now.
+    pub fn input(&self) -> &DeformInput {
+        &self.input
+    }
+
+    /// Number of threads that it works with.
+    pub fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
+
+    /// What was repaired in the input.
+    pub fn repaired(&self) -> &[String] {
+        self.posed.body().repaired()
+    }
+
+    /// The tetrahedra as they are used, where orientations were repaired.
+    pub fn repaired_tets(&self) -> Option<Vec<[u32; 4]>> {
+        self.posed.body().repaired_tets().filter(|_| self.carrier.is_none())
     }
 
     /// What the user should know about the input.

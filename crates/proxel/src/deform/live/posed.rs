@@ -341,6 +341,7 @@ impl Posed {
             inverted: outcome.energy.inverted,
             min_stretch: outcome.energy.min_stretch,
             max_stretch: outcome.energy.max_stretch,
+            warnings: Vec::new(),
         }
     }
 
@@ -361,6 +362,7 @@ impl Posed {
             inverted: 0,
             min_stretch: f64::NAN,
             max_stretch: f64::NAN,
+            warnings: Vec::new(),
         })
     }
 
@@ -382,6 +384,7 @@ impl Posed {
             inverted: energy.inverted,
             min_stretch: energy.min_stretch,
             max_stretch: energy.max_stretch,
+            warnings: Vec::new(),
         })
     }
 }
