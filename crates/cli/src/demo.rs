@@ -8,8 +8,8 @@ use proxel::settings::DeformSettings;
 use proxel_mesh::generate::{Arm, Octopus, OctopusSettings, octopus};
 
 use crate::args::DemoArgs;
-use crate::demo_animation::{self, ANIMATION};
 use crate::deform::{Files, Inputs, solve_and_write};
+use crate::demo_animation::{self, ANIMATION};
 use crate::interrupt::Interrupt;
 use crate::refusal::Refusal;
 

@@ -125,8 +125,11 @@ fn what_cannot_be_is_refused_with_file_and_remedy() {
     let one = "[[keyframe]]\ntime = 1\n";
     try_keys(&format!("{one}{one}")).is_refused(&["keys.toml", "keyframe 1 (0-based)", "does not come after"]);
     try_keys(&format!("{one}groups.foot = {{}}")).is_refused(&["keys.toml", "group `foot`", "`left`, `right`"]);
-    try_keys(&format!("{one}groups.left = {{ matrix = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]] }}"))
-        .is_refused(&["keys.toml", "no rotation", "targets"]);
+    try_keys(&format!("{one}groups.left = {{ matrix = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]] }}")).is_refused(&[
+        "keys.toml",
+        "no rotation",
+        "targets",
+    ]);
     try_keys(&format!("{one}groups.left = {{ scale = 2 }}")).is_refused(&["keys.toml", "line 3", "scale"]);
     try_keys("[[keyframe]]\ntime = soon\n").is_refused(&["keys.toml", "line 2"]);
     folder.put("keys.toml", "frames_per_second = 1000\n[[keyframe]]\ntime = 0\n[[keyframe]]\ntime = 2\n");
@@ -141,7 +144,8 @@ fn what_cannot_be_is_refused_with_file_and_remedy() {
 fn the_demo_leaves_files_that_do_it_again() {
     let folder = Folder::new("demo-animation");
     folder.run("demo animation --out d --quiet --threads 1").is(0);
-    let again = "deform d/animation.mesh --pins d/animation-pins.toml --keyframes d/animation-keys.toml --out again.glb";
+    let again =
+        "deform d/animation.mesh --pins d/animation-pins.toml --keyframes d/animation-keys.toml --out again.glb";
     folder.run(&format!("{again} --threads 1")).is(0);
     let bytes = |name: &str| std::fs::read(folder.0.join(name)).unwrap();
     assert_eq!(bytes("d/animation.glb").len(), bytes("again.glb").len());

@@ -22,8 +22,7 @@ fn held(rest: Mesh, end: f64) -> DeformInput {
         (0..).zip(&rest.points).filter(|(_, p)| sign * p[0] > end - 1e-9).map(|(v, _)| v).collect()
     };
     let groups = vec![("left".to_string(), at(-1.0)), ("right".to_string(), at(1.0))];
-    let mut fixed: Vec<(u32, V3)> =
-        groups.iter().flat_map(|g| &g.1).map(|v| (*v, rest.points[*v as usize])).collect();
+    let mut fixed: Vec<(u32, V3)> = groups.iter().flat_map(|g| &g.1).map(|v| (*v, rest.points[*v as usize])).collect();
     fixed.sort_unstable_by_key(|f| f.0);
     DeformInput { rest, fixed, groups, ..DeformInput::default() }
 }
@@ -243,7 +242,10 @@ fn what_cannot_be_moved_is_named() {
     let error = |e: proxel::deform::DeformError| e.to_string();
     let free = (0..20u32).find(|v| deformer.home_of(*v).is_none()).unwrap();
     let cases = [
-        (deformer.move_group("middle", &bend()).map_err(error), "no group is called `middle`; give the name of one: `left`, `right`"),
+        (
+            deformer.move_group("middle", &bend()).map_err(error),
+            "no group is called `middle`; give the name of one: `left`, `right`",
+        ),
         (deformer.set_targets(&[(free, [0.0; 3])]).map_err(error), "is neither fixed nor drawn"),
         (deformer.set_targets(&[(0, [f64::NAN, 0.0, 0.0])]).map_err(error), "give finite numbers"),
     ];

@@ -186,14 +186,7 @@ impl Auto {
         Ok(Self::begin(name, settings, Phase::Newton(Box::new(newton), admm), price, iteration, 0))
     }
 
-    fn begin(
-        name: String,
-        settings: AutoSettings,
-        phase: Phase,
-        price: f64,
-        iteration: usize,
-        until: usize,
-    ) -> Self {
+    fn begin(name: String, settings: AutoSettings, phase: Phase, price: f64, iteration: usize, until: usize) -> Self {
         Auto {
             name,
             settings,

@@ -347,7 +347,10 @@ fn say(player: &Player<'_>, total: usize, seconds: f64, written: &[PathBuf]) {
     let frames = player.frames.len();
     let converged = player.frames.iter().filter(|f| f.status == "converged").count();
     let iterations: usize = player.frames.iter().map(|f| f.iterations).sum();
-    say!("{}: {frames} of {total} frames, {converged} converged, {iterations} iterations, {seconds:.2} s", player.worst.as_str());
+    say!(
+        "{}: {frames} of {total} frames, {converged} converged, {iterations} iterations, {seconds:.2} s",
+        player.worst.as_str()
+    );
     if player.worst != Status::Converged {
         say!("{}", player.reason);
     }

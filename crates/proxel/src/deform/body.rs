@@ -135,7 +135,7 @@ impl Body {
         &self.name
     }
 
-    /// The harmonic displacement of the free vertices of this body.
+    /// The harmonic displacement of the free vertices of this body, which also follow `points` of the user's vertices.
     pub(super) fn harmonic(
         &self,
         input: &DeformInput,
@@ -148,9 +148,15 @@ impl Body {
             planar::orient(&self.name, mesh, settings, &mut kinds)?;
         }
         let modulus = settings.material.modulus().map_err(|e| DeformError(e.to_string()))?;
-        let points = points.iter().map(|p| PointSpring { stiffness: p.stiffness / modulus, ..*p }).collect();
+        let number = self.numbers();
+        let solver = |p: &PointSpring| PointSpring {
+            nodes: p.nodes.map(|v| number[v as usize]),
+            stiffness: p.stiffness / modulus,
+            ..*p
+        };
+        let points = points.iter().map(solver).collect();
         let rest = self.centred(&mesh.points);
-        start::Harmonic::new(&kinds, &self.numbers(), &rest, self.n_free, self.dim, points, Precision::Single)
+        start::Harmonic::new(&kinds, &number, &rest, self.n_free, self.dim, points, Precision::Single)
     }
 
     /// The terms that are obstacles.

@@ -180,7 +180,8 @@ impl Key {
         if ways > 1 {
             return Err(("rotate and translate, matrix, and targets exclude each other".into(), "keep one of them"));
         }
-        let rotate = self.rotate.iter().flat_map(|r| r.axis.into_iter().chain([r.angle]).chain(r.center.into_iter().flatten()));
+        let rotate =
+            self.rotate.iter().flat_map(|r| r.axis.into_iter().chain([r.angle]).chain(r.center.into_iter().flatten()));
         let rotate = rotate.map(|v| ("rotate", v));
         let translate = self.translate.into_iter().flatten().map(|v| ("translate", v));
         let matrix = self.matrix.iter().flatten().flatten().map(|v| ("matrix", *v));

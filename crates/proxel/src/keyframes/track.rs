@@ -115,8 +115,7 @@ impl Track {
         if let (Some(_), Ok(motion)) = (&key.matrix, key.rigid()) {
             return Place::Moved(motion);
         }
-        let (axis, degrees, center) =
-            key.rotate.map_or(([0.0, 0.0, 1.0], 0.0, None), |r| (r.axis, r.angle, r.center));
+        let (axis, degrees, center) = key.rotate.map_or(([0.0, 0.0, 1.0], 0.0, None), |r| (r.axis, r.angle, r.center));
         Place::Turned {
             axis: unit(axis),
             degrees,
@@ -164,8 +163,10 @@ impl Track {
 
 /// Turns around the same axis keep turning, whole turns included.
 fn turned_between(a: &Place, b: &Place, s: f64) -> Option<Place> {
-    let (Place::Turned { axis, degrees, center, shift }, Place::Turned { axis: b_axis, degrees: to, center: b_center, shift: b_shift }) =
-        (a, b)
+    let (
+        Place::Turned { axis, degrees, center, shift },
+        Place::Turned { axis: b_axis, degrees: to, center: b_center, shift: b_shift },
+    ) = (a, b)
     else {
         return None;
     };
@@ -274,8 +275,14 @@ mod tests {
             end.unwrap_err().to_string()
         };
         let cases = [
-            ("[[keyframe]]\ntime = 0", "k.toml: keyframe 1 (0-based): time 0 does not come after 0, that of the one before;"),
-            ("groups.foot = {}", "k.toml: keyframe 0 (0-based), group `foot`: the pins have no group of this name; the groups of"),
+            (
+                "[[keyframe]]\ntime = 0",
+                "k.toml: keyframe 1 (0-based): time 0 does not come after 0, that of the one before;",
+            ),
+            (
+                "groups.foot = {}",
+                "k.toml: keyframe 0 (0-based), group `foot`: the pins have no group of this name; the groups of",
+            ),
             ("groups.wind = {}", "group `wind`: it holds no vertex"),
             ("groups.hand = { matrix = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]] }", "are no rotation"),
             ("groups.hand = { matrix = [[1, 0, 0, 0]] }", "`matrix` has 1 rows"),
@@ -283,7 +290,10 @@ mod tests {
             ("groups.hand = { translate = [0, 0, inf] }", "a number of `translate` is inf"),
             ("groups.hand = { translate = [0, 0, 1], targets = [[0, 0, 0]] }", "exclude each other"),
             ("groups.hand = { rotate = { axis = [0, 0, 0], angle = 3 } }", "the axis of `rotate` is zero"),
-            ("groups.hand = { rotat = { axis = [0, 0, 0], angle = 3 } }", "line 3: unknown key `rotat`; did you mean `rotate`?"),
+            (
+                "groups.hand = { rotat = { axis = [0, 0, 0], angle = 3 } }",
+                "line 3: unknown key `rotat`; did you mean `rotate`?",
+            ),
         ];
         for (body, message) in cases {
             let text = said(body);

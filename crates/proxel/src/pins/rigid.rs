@@ -41,7 +41,8 @@ impl RigidMotion {
         let dot = |a: V3, b: V3| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
         let [a, b, c] = rows;
         let normal = cross(a, b);
-        let off = [dot(a, a) - 1.0, dot(b, b) - 1.0, dot(c, c) - 1.0, dot(a, b), dot(b, c), dot(c, a), dot(normal, c) - 1.0];
+        let off =
+            [dot(a, a) - 1.0, dot(b, b) - 1.0, dot(c, c) - 1.0, dot(a, b), dot(b, c), dot(c, a), dot(normal, c) - 1.0];
         let rigid = off.iter().all(|v| v.abs() <= RIGID) && translation.iter().all(|v| v.is_finite());
         rigid.then(|| RigidMotion { rotation: to_rows(to_quaternion(rows)), translation })
     }

@@ -1,14 +1,17 @@
 //! Descent with a factor from before.
 
-use crate::{
-    Backtracking, EnergyReport, Evaluation, Hessian, Method, NormalMatrix, Pairs, Problem, Ray, StepReport, SystemError,
-    vector,
-};
+use crate::{EnergyReport, Evaluation, Hessian, Method, NormalMatrix, Pairs, Problem, StepReport, SystemError, vector};
 
 /// Pairs that it keeps.
 const WINDOW: usize = 8;
 
-const LINE_SEARCH: Backtracking = Backtracking { sufficient: 1e-4, shrink: 0.5 };
+/// A step has to leave less than this part of the gradient, or the factor has grown too old: a Newton step costs six to ten
+/// of these. Steps that only lower the energy are refused, since they may lead far away along soft directions that have
+/// turned since the factor was made.
+const SLOW: f64 = 0.5;
+
+/// A relative change of the energy that may be rounding.
+const ROUNDING: f64 = 1e-12;
 
 /// L-BFGS whose first inverse Hessian is the factor of the Hessian at an earlier point, kept as it was (the chord method,
 /// with what was learned on the way): where that point is near, a step costs one solve and one gradient and gains almost
@@ -29,13 +32,7 @@ pub struct Kept {
 
 impl Kept {
     /// Goes on from x after some iterations of other methods. Without a factor it refuses every step.
-    pub fn resume(
-        mut problem: Problem,
-        normal: NormalMatrix,
-        hessian: Hessian,
-        x: Vec<f64>,
-        iteration: usize,
-    ) -> Self {
+    pub fn resume(mut problem: Problem, normal: NormalMatrix, hessian: Hessian, x: Vec<f64>, iteration: usize) -> Self {
         let n = problem.n_free * problem.dim;
         let mut g = vec![0.0; n];
         let energy = problem.energy(&x, Some(&mut g));
@@ -59,25 +56,31 @@ impl Kept {
         (self.problem, self.normal, self.x, self.hessian)
     }
 
-    /// A step along the direction of the pairs; none where that finds nothing better.
-    fn attempt(&mut self) -> Result<Option<usize>, SystemError> {
+    /// The whole step along the direction of the pairs; whether it was taken.
+    fn attempt(&mut self) -> Result<bool, SystemError> {
         let hessian = &mut self.hessian;
         let slope = self.pairs.direction_from(&self.g, &mut self.q, |b| hessian.solve(b))?;
         if !(slope > 0.0 && slope.is_finite()) {
-            return Ok(None);
+            return Ok(false);
         }
-        let ray = Ray { x: &self.x, q: &self.q, value: self.energy.value, slope };
-        let found = LINE_SEARCH.search(&mut self.problem, ray, 1.0, true, &mut self.trial, &mut self.g_trial);
-        let Some(landing) = found else { return Ok(None) };
+        self.trial.copy_from_slice(&self.x);
+        vector::add_scaled(&mut self.trial[..self.q.len()], -1.0, &self.q);
+        let energy = self.problem.energy(&self.trial, Some(&mut self.g_trial));
+        let falls = energy.value <= self.energy.value + ROUNDING * self.energy.value.abs();
+        let converges = vector::norm(&self.g_trial) < SLOW * vector::norm(&self.g);
+        let worse = energy.inverted > self.energy.inverted && self.problem.barrier;
+        if !(falls && converges) || worse {
+            return Ok(false);
+        }
         let (g, g_trial, q) = (&self.g, &self.g_trial, &self.q);
         self.pairs.remember(g.len(), |s, y| {
             vector::subtract(y, g_trial, g);
-            vector::scale_to(s, -landing.t, q);
+            vector::scale_to(s, -1.0, q);
         });
         std::mem::swap(&mut self.x, &mut self.trial);
         std::mem::swap(&mut self.g, &mut self.g_trial);
-        self.energy = landing.energy;
-        Ok(Some(landing.trials))
+        self.energy = energy;
+        Ok(true)
     }
 }
 
@@ -86,18 +89,14 @@ impl Method for Kept {
         "kept"
     }
 
-    /// A step that finds nothing better is not accepted, and x stays.
+    /// A step that does not do what the factor is kept for is not accepted, and x stays.
     fn step(&mut self) -> Result<StepReport, SystemError> {
-        let mut trials = if self.hessian.is_factored() { self.attempt()? } else { None };
-        if trials.is_none() && !self.pairs.is_empty() {
-            self.pairs.clear();
-            trials = self.attempt()?;
-        }
+        let accepted = self.hessian.is_factored() && self.attempt()?;
         self.iteration += 1;
         Ok(StepReport {
             iteration: self.iteration,
-            inner: trials.unwrap_or(0),
-            accepted: trials.is_some(),
+            inner: 1,
+            accepted,
             energy_z: f64::INFINITY,
             ..StepReport::default()
         })

@@ -7,12 +7,9 @@ pub use kept::Kept;
 pub use response::{Response, respond};
 
 use crate::{
-    AdmmSettings, Auto, AutoSettings, EnergyReport, Evaluation, Method, Parts, Problem, Residuals, StepReport, SystemError,
+    AdmmSettings, Auto, AutoSettings, EnergyReport, Evaluation, Method, Parts, Problem, Residuals, StepReport,
+    SystemError,
 };
-
-/// A step of [`Kept`] that leaves this part of the gradient, or more, says that the factor has grown old. A Newton step
-/// costs six to ten of them, and this to the power of eight is a gain that it may not have either.
-const SLOW: f64 = 0.5;
 
 /// A Newton step of full length that gained what it foretold up to this part was in the region where its factor serves on.
 const FORETOLD: f64 = 0.2;
@@ -136,12 +133,10 @@ impl Method for Warm {
     fn step(&mut self) -> Result<StepReport, SystemError> {
         match &mut self.phase {
             Phase::Kept(kept) => {
-                let before = kept.evaluate().gradient_norm;
                 let mut report = kept.step()?;
-                let fast = kept.evaluate().gradient_norm < SLOW * before;
-                if !(report.accepted && fast) {
+                if !report.accepted {
                     self.enter_auto(report.iteration)?;
-                    // That the old factor finds nothing better says nothing of a new one.
+                    // That the old factor is of no use says nothing of a new one.
                     report.accepted = true;
                 }
                 Ok(report)

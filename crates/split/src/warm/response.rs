@@ -69,13 +69,8 @@ pub fn respond(
     }
     let mut cg = Cg::default();
     let matrix = hessian.matrix();
-    let report = cg.solve(
-        &r,
-        TOLERANCE,
-        STEPS,
-        |p, q| matrix.multiply(p, q).map_err(SystemError::from),
-        |z| normal.solve(z),
-    )?;
+    let report =
+        cg.solve(&r, TOLERANCE, STEPS, |p, q| matrix.multiply(p, q).map_err(SystemError::from), |z| normal.solve(z))?;
     let sound = report.end != CgEnd::NegativeCurvature && vector::is_finite(&cg.d);
     Ok(sound.then_some(Response { d: cg.d, force, inner: report.steps }))
 }

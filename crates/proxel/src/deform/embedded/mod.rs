@@ -199,7 +199,12 @@ impl Carrier {
 
     /// Puts pinned vertices exactly where they are to be, if they are all but there, and returns the largest distance over
     /// the diagonal before that. What the lattice cannot reach stays where the lattice has it, and is told.
-    pub(super) fn hold(&self, positions: &mut [[f64; 3]], fixed: &[(u32, [f64; 3])], warnings: &mut Vec<String>) -> f64 {
+    pub(super) fn hold(
+        &self,
+        positions: &mut [[f64; 3]],
+        fixed: &[(u32, [f64; 3])],
+        warnings: &mut Vec<String>,
+    ) -> f64 {
         let (mut worst, mut missed) = ((0.0, 0), 0);
         for &(v, target) in fixed {
             let gap = distance(positions[v as usize], target);

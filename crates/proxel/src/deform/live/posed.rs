@@ -9,8 +9,8 @@ use super::Frame;
 use super::stops::{Budget, Iterations, spent};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_split::{
-    Admm, Auto, AutoSettings, Cancel, EnergyReport, GradientTolerance, Method, NoProgress, Outcome, Parts, Problem,
-    ResidualTolerance, Status, Stop, Warm, respond,
+    Admm, Auto, AutoSettings, Cancel, EnergyReport, GradientTolerance, Method, NoProgress, Outcome, Parts, PointSpring,
+    Problem, ResidualTolerance, Status, Stop, Warm, respond,
 };
 use std::time::{Duration, Instant};
 
@@ -47,8 +47,8 @@ pub(super) struct Posed {
     number: Vec<u32>,
     harmonic: Option<Harmonic>,
     running: Running,
-    pose: Vec<f64>,    // the solver's positions, with the targets of the last run
-    wanted: Vec<f64>,  // the same with the targets of now
+    pose: Vec<f64>,      // the solver's positions, with the targets of the last run
+    wanted: Vec<f64>,    // the same with the targets of now
     before: DeformInput, // soft targets and ties of the last run
     retargeted: bool,
     reference: f64,
@@ -146,9 +146,10 @@ impl Posed {
             && a.ties.len() == other.ties.len()
             && a.fixed.iter().zip(&other.fixed).all(|(a, b)| a.0 == b.0)
             && a.soft.iter().zip(&other.soft).all(|(a, b)| (a.0, a.2) == (b.0, b.2))
-            && a.ties.iter().zip(&other.ties).all(|(a, b)| {
-                a.nodes == b.nodes && a.weights == b.weights && a.stiffness == b.stiffness
-            })
+            && a.ties
+                .iter()
+                .zip(&other.ties)
+                .all(|(a, b)| a.nodes == b.nodes && a.weights == b.weights && a.stiffness == b.stiffness)
     }
 
     /// The present positions, in the user's order.
@@ -188,18 +189,18 @@ impl Posed {
         let dim = self.settings_dim();
         let free = self.n_free() * dim;
         to[free..].copy_from_slice(&self.wanted[free..]);
-        let moved = to != *from || self.before.ties != self.input.ties;
-        if !moved || free == 0 {
+        let (old, new) = (draws(&self.before), draws(&self.input));
+        if (to == *from && old == new) || free == 0 {
             return Ok(to);
         }
         if self.harmonic.is_none() {
-            self.harmonic = Some(self.body.harmonic(&self.input, &self.settings, &self.input.ties)?);
+            self.harmonic = Some(self.body.harmonic(&self.input, &self.settings, &new)?);
         }
         // A point is drawn on from where it is by what its target has moved.
-        let mut targets = Vec::with_capacity(self.input.ties.len());
-        for (old, new) in self.before.ties.iter().zip(&self.input.ties) {
-            let here = proxel_split::PointSpring { nodes: new.nodes.map(|v| self.number[v as usize]), target: [0.0; 3], ..*new };
-            let here = here.gap(from, dim);
+        let mut targets = Vec::with_capacity(new.len());
+        for (old, new) in old.iter().zip(&new) {
+            let nodes = new.nodes.map(|v| self.number[v as usize]);
+            let here = PointSpring { nodes, target: [0.0; 3], ..*new }.gap(from, dim);
             targets.push([0, 1, 2].map(|d| here[d] + (new.target[d] - old.target[d])));
         }
         match &mut self.harmonic {
@@ -253,40 +254,39 @@ impl Posed {
         Ok(())
     }
 
-    /// The linear response of the last pose where that is better than the smooth start, and a method from there on.
+    /// The linear response of the last pose where that is better than the smooth start, and a method from there on; the
+    /// splitting from the smooth start, which is safe for motions of any size, where it is not.
     fn warm(&mut self, mut parts: Parts, smooth: Vec<f64>) -> Result<Warm, DeformError> {
         let name = self.settings.method.as_str().to_string();
-        let mut best = parts.problem.energy(&smooth, None);
-        parts.x = smooth;
-        let mut force = f64::INFINITY;
-        if let Some(hessian) = &mut parts.hessian {
-            let free = self.n_free() * parts.problem.dim;
-            let mut moved: Vec<f64> = self.wanted.iter().zip(&self.pose).map(|(a, b)| a - b).collect();
-            moved[..free].fill(0.0);
-            let response = respond(&mut parts.problem, &mut parts.normal, hessian, &self.pose, &moved);
-            if let Some(response) = response.map_err(|e| self.explain(&e))? {
-                force = response.force;
-                let mut x = self.pose.clone();
-                x[free..].copy_from_slice(&self.wanted[free..]);
-                x[..free].iter_mut().zip(&response.d).for_each(|(x, d)| *x += d);
-                let energy = parts.problem.energy(&x, None);
-                if is_better(&energy, &best, parts.problem.barrier) {
-                    parts.x = x;
-                    best = energy;
-                }
+        let responded = match &mut parts.hessian {
+            Some(hessian) => {
+                let mut moved: Vec<f64> = self.wanted.iter().zip(&self.pose).map(|(a, b)| a - b).collect();
+                moved[..self.body.n_free() * parts.problem.dim].fill(0.0);
+                respond(&mut parts.problem, &mut parts.normal, hessian, &self.pose, &moved)
+                    .map_err(|e| self.explain(&e))?
+                    .map(|response| (response, moved))
+            }
+            None => None,
+        };
+        if let Some((response, mut x)) = responded {
+            self.reference = self.reference.max(response.force.min(self.characteristic));
+            x[..response.d.len()].copy_from_slice(&response.d);
+            x.iter_mut().zip(&self.pose).for_each(|(x, pose)| *x += pose);
+            let free = response.d.len();
+            x[free..].copy_from_slice(&self.wanted[free..]);
+            let (there, fallback) = (parts.problem.energy(&x, None), parts.problem.energy(&smooth, None));
+            let barred = parts.problem.barrier && there.inverted > 0;
+            if !barred && is_better(&there, &fallback, parts.problem.barrier) {
+                parts.x = x;
+                return Warm::resume(name, parts, self.auto()).map_err(|e| self.explain(&e));
             }
         }
-        self.reference = self.reference.max(force.min(self.characteristic));
-        let fit = best.value.is_finite() && (best.inverted == 0 || !parts.problem.barrier);
-        let warm = if fit {
-            Warm::resume(name, parts, self.auto())
-        } else {
-            // The splitting finds the way back into the domain of the energy.
-            let Parts { problem, normal, x, admm, .. } = parts;
-            let admm = Admm::resume(problem, normal, x, admm, 0);
-            Ok(Warm::cold(name.clone(), Auto::new(name, admm, self.auto()), self.auto()))
-        };
-        warm.map_err(|e| self.explain(&e))
+        let Parts { problem, normal, admm, .. } = parts;
+        let admm = Admm::resume(problem, normal, smooth, admm, 0);
+        let mut warm = Warm::cold(name.clone(), Auto::new(name, admm, self.auto()), self.auto());
+        let norm = warm.evaluate().gradient_norm;
+        self.reference = self.reference.max(norm.min(self.characteristic));
+        Ok(warm)
     }
 
     /// Goes on towards the minimum for the targets of now.
@@ -392,6 +392,14 @@ impl Posed {
 /// What of an input moves without being fixed.
 fn targets_only(input: &DeformInput) -> DeformInput {
     DeformInput { soft: input.soft.clone(), ties: input.ties.clone(), ..DeformInput::default() }
+}
+
+/// All that draws, as springs from points of the user's vertices.
+fn draws(input: &DeformInput) -> Vec<PointSpring> {
+    let at =
+        |v: u32, target, stiffness| PointSpring { nodes: [v; 4], weights: [1.0, 0.0, 0.0, 0.0], target, stiffness };
+    let soft = input.soft.iter().map(|(v, target, k)| at(*v, *target, *k));
+    input.ties.iter().copied().chain(soft).collect()
 }
 
 /// Fewer inverted elements where they must not be, then lower energy; NaN is never better.
