@@ -23,7 +23,7 @@ enum Running {
     /// Any other method, from the pose of before.
     Other(Box<dyn Method>),
     /// Nothing is free.
-    Fixed(Problem),
+    Fixed(Box<Problem>),
     /// Only after an error.
     Nothing,
 }
@@ -97,7 +97,7 @@ impl Posed {
     /// The method for a problem of which nothing is known.
     fn cold(&self, problem: Problem) -> Result<Running, DeformError> {
         if problem.n_free == 0 {
-            return Ok(Running::Fixed(problem));
+            return Ok(Running::Fixed(Box::new(problem)));
         }
         check_method(&problem, &self.settings)?;
         let name = self.settings.method;
