@@ -10,6 +10,7 @@ use proxel::samples::NAMES;
 use proxel::settings::DeformSettings;
 
 use crate::deform::DeformArgs;
+use crate::demo_animation::ANIMATION;
 
 /// Poses elastic bodies: minimises deformation energies under constraints by rotation-aware ADMM.
 #[derive(Parser)]
@@ -92,7 +93,8 @@ pub struct ConvertArgs {
 #[derive(Args)]
 pub struct DemoArgs {
     /// What is posed: octopus; cloth: bending and hard strain limits; planar: a strip in two dimensions; springs: a net;
-    /// mixed: tetrahedra, triangles and edges in one mesh.
+    /// mixed: tetrahedra, triangles and edges in one mesh; animation: a bar that follows keyframes, as
+    /// SAMPLE.glb.
     #[arg(value_name = "SAMPLE", value_parser = demo_names(), default_value = OCTOPUS)]
     pub sample: String,
     /// The folder for SAMPLE.vtu, SAMPLE.obj and SAMPLE.png; made if it is not there.
@@ -110,7 +112,7 @@ pub struct DemoArgs {
 pub const OCTOPUS: &str = "octopus";
 
 fn demo_names() -> PossibleValuesParser {
-    PossibleValuesParser::new([OCTOPUS].into_iter().chain(NAMES))
+    PossibleValuesParser::new([OCTOPUS].into_iter().chain(NAMES).chain([ANIMATION]))
 }
 
 /// The options that every solving command has.

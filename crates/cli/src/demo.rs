@@ -9,11 +9,15 @@ use proxel_mesh::generate::{Arm, Octopus, OctopusSettings, octopus};
 
 use crate::args::DemoArgs;
 use crate::deform::{Files, Inputs, solve_and_write};
+use crate::demo_animation::{self, ANIMATION};
 use crate::interrupt::Interrupt;
 use crate::refusal::Refusal;
 
 /// Makes, poses, writes.
 pub fn run(args: &DemoArgs) -> Result<u8, Refusal> {
+    if args.sample == ANIMATION {
+        return demo_animation::run(args);
+    }
     let began = Instant::now();
     let Sample { about, input, settings } = match sample(&args.sample) {
         Some(sample) => sample?,

@@ -15,6 +15,7 @@ mod args;
 mod convert;
 mod deform;
 mod demo;
+mod demo_animation;
 mod files;
 mod info;
 mod interrupt;

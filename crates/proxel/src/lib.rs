@@ -1,9 +1,11 @@
 //! Proxel minimises deformation energies under constraints.
 //!
 //! This crate is the facade: applications that turn a description (meshes, pins, settings) into a problem for the
-//! splitting engine and its result back into what the user gave. [`deform`] poses bodies.
+//! splitting engine and its result back into what the user gave. [`deform`] poses bodies, [`keyframes`] move their
+//! handles.
 
 pub mod deform;
+pub mod keyframes;
 pub mod pins;
 pub mod preview;
 pub mod report;

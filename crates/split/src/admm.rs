@@ -195,6 +195,23 @@ impl Admm {
         self.problem.terms.iter_mut().all(|term| term.curvature().is_some())
     }
 
+    /// Goes on from other positions, such as those of moved fixed nodes, after `change` has changed what is not an element:
+    /// targets, loads, right-hand sides. The duals stay, which know the forces: z = c(D x), and u as it was.
+    pub fn restart(&mut self, x: &[f64], change: impl FnOnce(&mut Problem)) {
+        change(&mut self.problem);
+        self.x.copy_from_slice(x);
+        self.problem.quadratic.equalities.enforce(&mut self.x, self.problem.dim);
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&self.u) {
+            term.couple(&self.x, p);
+            p.iter_mut().zip(u).for_each(|(p, u)| *p -= u);
+        }
+        self.settings.global.reset();
+        self.settling = Settling::default();
+        self.moved2 = f64::INFINITY;
+        self.energy = None;
+        self.evaluation = None;
+    }
+
     /// Problem, matrix, positions and settings, for another method to go on.
     pub fn into_parts(self) -> (Problem, NormalMatrix, Vec<f64>, AdmmSettings) {
         (self.problem, self.normal, self.x, self.settings)

@@ -1,8 +1,8 @@
 //! The splitting first, then Newton: [`Auto`], and the rule that says when.
 
 use crate::{
-    Admm, AdmmSettings, EnergyReport, Evaluation, FactorCost, LinearSolver, Method, Newton, NewtonSettings, Problem,
-    Residuals, StepReport, SystemError,
+    Admm, AdmmSettings, EnergyReport, Evaluation, FactorCost, Hessian, LinearSolver, Method, Newton, NewtonSettings,
+    NormalMatrix, Problem, Residuals, StepReport, SystemError,
 };
 
 /// Settings of [`Auto`].
@@ -56,8 +56,7 @@ impl Price {
         Price { factor: assembly + FLOP * cost.flops / iteration, gradients: assembly + STEPS * step / iteration }
     }
 
-    fn of(admm: &Admm) -> (Self, FactorCost) {
-        let (problem, normal) = (admm.problem(), admm.normal());
+    fn of(problem: &Problem, normal: &NormalMatrix) -> (Self, FactorCost) {
         let elements = problem.terms.iter().map(|term| term.n_elems()).sum();
         let cost = FactorCost::of(normal, problem.dim);
         let entries = normal.symbolic().factor_nnz() as f64;
@@ -72,6 +71,32 @@ pub fn solver_for(price: &Price, cost: &FactorCost, memory: f64) -> LinearSolver
     } else {
         LinearSolver::ConjugateGradients
     }
+}
+
+impl AutoSettings {
+    /// Chooses Newton's solver for a problem; returns what its iteration costs in iterations of the splitting.
+    fn choose(&mut self, problem: &Problem, normal: &NormalMatrix) -> f64 {
+        let (price, cost) = Price::of(problem, normal);
+        self.newton.solver = solver_for(&price, &cost, self.memory);
+        match self.newton.solver {
+            LinearSolver::Factor => price.factor,
+            LinearSolver::ConjugateGradients => price.gradients,
+        }
+    }
+}
+
+/// Problem, matrices, positions and settings of the splitting: what a method hands to the one that goes on.
+pub struct Parts {
+    /// The problem.
+    pub problem: Problem,
+    /// Its normal matrix.
+    pub normal: NormalMatrix,
+    /// Positions, `dim` numbers a node.
+    pub x: Vec<f64>,
+    /// How the splitting is put together.
+    pub admm: AdmmSettings,
+    /// The Hessian as it was assembled and factored last, where it was.
+    pub hessian: Option<Hessian>,
 }
 
 /// Says when the splitting has done its part.
@@ -135,33 +160,60 @@ const DOUBLINGS: usize = 6;
 impl Auto {
     /// Begins with the splitting, and stays with it where a term has no second derivatives.
     pub fn new(name: String, mut admm: Admm, mut settings: AutoSettings) -> Self {
-        let empty = Problem {
-            dim: 1,
-            n_free: 0,
-            x0: Vec::new(),
-            terms: Vec::new(),
-            quadratic: Default::default(),
-            barrier: false,
-        };
-        let (price, cost) = Price::of(&admm);
-        settings.newton.solver = solver_for(&price, &cost, settings.memory);
-        let price = match settings.newton.solver {
-            LinearSolver::Factor => price.factor,
-            LinearSolver::ConjugateGradients => price.gradients,
-        };
+        let price = settings.choose(admm.problem(), admm.normal());
         let until = if admm.has_curvature() { 0 } else { usize::MAX };
+        Self::begin(name, settings, Phase::Splitting(Box::new(admm)), price, 0, until)
+    }
+
+    /// Goes on with Newton from where another method has got to after some iterations; the splitting, should it be needed,
+    /// begins there too.
+    ///
+    /// # Errors
+    /// A term without second derivatives.
+    pub fn resume(
+        name: String,
+        parts: Parts,
+        mut settings: AutoSettings,
+        iteration: usize,
+    ) -> Result<Self, SystemError> {
+        let Parts { mut problem, normal, x, admm, hessian } = parts;
+        let price = settings.choose(&problem, &normal);
+        let hessian = match hessian {
+            Some(hessian) => hessian,
+            None => Hessian::new(&mut problem, &normal)?,
+        };
+        let newton = Newton::resume_with(problem, normal, hessian, x, settings.newton.clone(), iteration);
+        Ok(Self::begin(name, settings, Phase::Newton(Box::new(newton), admm), price, iteration, 0))
+    }
+
+    fn begin(name: String, settings: AutoSettings, phase: Phase, price: f64, iteration: usize, until: usize) -> Self {
         Auto {
             name,
             settings,
-            phase: Phase::Splitting(Box::new(admm)),
-            empty,
+            phase,
+            empty: Problem::empty(),
             price,
             gains: Gains::default(),
-            iteration: 0,
+            iteration,
             until,
-            begun: 0,
+            begun: iteration,
             retreats: 0,
             short: 0,
+        }
+    }
+
+    /// What it has worked with, for another method to go on; none after an error.
+    pub fn into_parts(self) -> Option<Parts> {
+        match self.phase {
+            Phase::Splitting(admm) => {
+                let (problem, normal, x, admm) = admm.into_parts();
+                Some(Parts { problem, normal, x, admm, hessian: None })
+            }
+            Phase::Newton(newton, admm) => {
+                let (problem, normal, x, hessian) = newton.into_parts_with_hessian();
+                Some(Parts { problem, normal, x, admm, hessian: Some(hessian) })
+            }
+            Phase::Nothing => None,
         }
     }
 
@@ -173,6 +225,14 @@ impl Auto {
     /// Whether Newton is at work.
     pub fn is_in_newton(&self) -> bool {
         matches!(self.phase, Phase::Newton(..))
+    }
+
+    /// Newton, where it is at work.
+    pub fn newton(&self) -> Option<&Newton> {
+        match &self.phase {
+            Phase::Newton(newton, _) => Some(newton),
+            _ => None,
+        }
     }
 
     fn enter_newton(&mut self) -> Result<(), SystemError> {

@@ -40,11 +40,12 @@ mod run;
 mod system;
 mod term;
 pub mod vector;
+mod warm;
 
 pub use accelerated::{AaAdmm, Aadr, Accelerated, Acceleration, CombinedResidual, Envelope, Merit};
 pub use admm::{Admm, AdmmSettings};
 pub use anderson::Anderson;
-pub use auto::{Auto, AutoSettings, Gains, Price, solver_for};
+pub use auto::{Auto, AutoSettings, Gains, Parts, Price, solver_for};
 pub use blend::Blend;
 pub use curvature::{Curvature, Projection};
 pub use equality::{Equalities, Equality, EqualityError};
@@ -71,3 +72,4 @@ pub use run::{
 };
 pub use system::{NormalMatrix, Precision, SystemError};
 pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
+pub use warm::{Kept, Response, Warm, respond};

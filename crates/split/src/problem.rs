@@ -109,6 +109,18 @@ impl std::fmt::Display for ProblemError {
 impl std::error::Error for ProblemError {}
 
 impl Problem {
+    /// A problem without nodes, to stand where one was taken away.
+    pub fn empty() -> Self {
+        Problem {
+            dim: 3,
+            n_free: 0,
+            x0: Vec::new(),
+            terms: Vec::new(),
+            quadratic: Quadratic::default(),
+            barrier: false,
+        }
+    }
+
     /// Checks lengths and numbers; what [`crate::Admm::new`] and every other method call first.
     ///
     /// # Errors

@@ -107,12 +107,13 @@ impl GradientTolerance {
         let start = method.evaluate().gradient_norm;
         let characteristic = method.problem().characteristic_gradient();
         let reference = if start.is_finite() { start.min(characteristic) } else { characteristic };
-        GradientTolerance {
-            tol,
-            reference,
-            threshold: (MARGIN * tol * reference).max(ROUNDING * characteristic),
-            next: 0,
-        }
+        Self::against(tol, reference, characteristic)
+    }
+
+    /// |g| <= tol reference, for a problem of this characteristic gradient.
+    pub fn against(tol: f64, reference: f64, characteristic: f64) -> Self {
+        let threshold = (MARGIN * tol * reference).max(ROUNDING * characteristic);
+        GradientTolerance { tol, reference, threshold, next: 0 }
     }
 
     /// min(|g(x0)|, characteristic gradient), what the gradient is measured against.
@@ -192,6 +193,8 @@ pub struct Outcome {
     /// The result: the last point when converged; else the last unless an earlier one had fewer inverted elements or,
     /// at equal count, lower energy.
     pub x: Vec<f64>,
+    /// Its objective and how far its elements are deformed.
+    pub energy: EnergyReport,
     /// Whether `x` is the last point.
     pub is_last: bool,
     /// The last report.
@@ -254,7 +257,7 @@ pub fn run(method: &mut dyn Method, stops: &mut [&mut dyn Stop], observer: &mut 
         }
     };
     let is_last = verdict.status == Status::Converged || best.iteration == report.iteration;
-    let x = if is_last { method.x().to_vec() } else { best.x };
+    let (x, energy) = if is_last { (method.x().to_vec(), method.energy()) } else { (best.x, best.energy) };
     Outcome {
         status: verdict.status,
         reason: verdict.reason,
@@ -265,6 +268,7 @@ pub fn run(method: &mut dyn Method, stops: &mut [&mut dyn Stop], observer: &mut 
         rejected,
         missed: report.local.missed,
         x,
+        energy,
         is_last,
         last: report,
     }

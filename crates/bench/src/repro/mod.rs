@@ -10,6 +10,7 @@ mod figure4;
 mod figure8;
 mod growth;
 pub mod hopeless;
+mod live;
 mod race;
 mod schedules;
 mod spring;
@@ -40,7 +41,7 @@ pub struct Reproduction {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 10] = [
+pub const ALL: [Reproduction; 11] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -96,6 +97,13 @@ pub const ALL: [Reproduction; 10] = [
         models: &[],
         standalone: false,
         run: hopeless::run,
+    },
+    Reproduction {
+        name: "live",
+        about: "a handle moves: error against time from the last minimum, beside WRAPD iterations and a cold solve",
+        models: &["centaur"],
+        standalone: false,
+        run: live::run,
     },
     Reproduction {
         name: "schedules",

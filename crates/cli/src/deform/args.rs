@@ -40,6 +40,7 @@ Examples:
   proxel deform body.mesh --pins hands.toml --material stable-neo-hookean --poisson 0.49 \\
       --out posed.ply --preview posed.png --report report.json
   proxel deform bunny.obj --pins ears.toml --resolution 32 --out posed.glb --preview posed.png
+  proxel deform body.mesh --pins hands.toml --keyframes wave.toml --out wave.glb
   proxel deform beam.msh --pins wall.toml --density 1000 --gravity 0,-9.81,0 --out sag.vtu
   proxel deform cloth.obj --pins corners.txt --material arap --young 100 --strain-limit 0.95,1.05 --bending 1e-5 \
       --density 0.2 --gravity 0,0,-9.81 --out draped.vtu")]
@@ -54,6 +55,13 @@ pub struct DeformArgs {
     /// What holds the body: vertex indices, or groups (see below).
     #[arg(long, value_name = "FILE")]
     pub pins: Option<PathBuf>,
+    /// Where the groups of pins are at given times, .toml or .json: writes an animation. --out is then an animated .glb or
+    /// .gltf, a .pvd with a .vtu for each frame, or a numbered series of any other format.
+    #[arg(long, value_name = "FILE", requires = "pins", conflicts_with_all = ["reference", "preview", "lattice_out"])]
+    pub keyframes: Option<PathBuf>,
+    /// Most seconds for a frame; --time-limit is for all of them.
+    #[arg(long, value_name = "S", requires = "keyframes", allow_negative_numbers = true)]
+    pub frame_time: Option<f64>,
     /// Positions to measure the position error against; they change nothing.
     #[arg(long, value_name = "FILE")]
     pub reference: Option<PathBuf>,
@@ -271,6 +279,9 @@ impl DeformArgs {
         s.max_iters = self.solve.max_iters;
         s.time_limit = self.solve.time_limit;
         s.threads = self.solve.threads;
+        if let Some(t) = self.frame_time.filter(|t| *t < 0.0 || t.is_nan()) {
+            return Err(Refusal::new(format!("--frame-time is {t}; it must be a number of seconds")));
+        }
         s.check().map_err(Refusal::new)?;
         Ok(s)
     }

@@ -10,12 +10,15 @@ use proxel::settings::DeformSettings;
 use proxel::split::Status;
 use proxel_mesh::{Mesh, not_carried, read_mesh, read_points, write_mesh};
 
-use super::DeformArgs;
+use super::{DeformArgs, Outlets, animate};
 use crate::files::{Outputs, peak_bytes, write_text};
 use crate::interrupt::{CANCELLED, Interrupt};
 use crate::picture;
 use crate::progress::Bar;
 use crate::refusal::Refusal;
+
+/// What is said where the result is the rest shape.
+const IDLE: &str = "nothing moves the body; give --init, pins with targets, or loads";
 
 /// Where results go.
 #[derive(Default)]
@@ -55,6 +58,14 @@ pub fn run(args: &DeformArgs) -> Result<u8, Refusal> {
         return Err(Refusal::new("REST and --out are needed; see proxel deform --help"));
     };
     let s = &args.solve;
+    if let Some(keyframes) = &args.keyframes {
+        let outlets = Outlets { out: out.clone(), report: s.report.clone(), trace: s.trace.clone() };
+        outlets.check()?;
+        let interrupt = Interrupt::listen()?;
+        let mut inputs = read(args, rest, &settings)?;
+        inputs.warnings.retain(|w| w != IDLE);
+        return animate(inputs, keyframes, args.frame_time, &settings, &outlets, &interrupt, s.quiet);
+    }
     let files = Files {
         meshes: vec![out.clone()],
         report: s.report.clone(),
@@ -163,7 +174,7 @@ fn read(args: &DeformArgs, rest: &Path, settings: &DeformSettings) -> Result<Inp
     let loaded = settings.weighs() || !handles.loads.is_empty() || !pressures.is_empty();
     let constrained = !handles.equalities.is_empty() || !obstacles.is_empty();
     if start.is_none() && !handles.moved && !loaded && !constrained {
-        warnings.push("nothing moves the body; give --init, pins with targets, or loads".to_owned());
+        warnings.push(IDLE.to_owned());
     }
     let input = DeformInput {
         rest: mesh,

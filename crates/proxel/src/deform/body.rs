@@ -4,7 +4,7 @@ use super::elements::{Cells, add_weights, build};
 use super::{DeformError, DeformInput, constraints, planar, sheet, start};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::{Mesh, check, topology};
-use proxel_split::{PointSpring, Problem, Quadratic, SystemError};
+use proxel_split::{PointSpring, Precision, Problem, Quadratic, SystemError};
 
 /// A deformation problem, and the way between the user's numbering and units and the solver's.
 pub struct Body {
@@ -108,14 +108,57 @@ impl Body {
 
     /// The problem; once.
     pub(super) fn take_problem(&mut self) -> Problem {
-        self.problem.take().unwrap_or_else(|| Problem {
-            dim: 3,
-            n_free: 0,
-            x0: Vec::new(),
-            terms: Vec::new(),
-            quadratic: Quadratic::default(),
-            barrier: false,
-        })
+        self.problem.take().unwrap_or_else(Problem::empty)
+    }
+
+    /// Sends fixed vertices elsewhere, and writes that into the solver's positions; others than fixed ones are ignored.
+    pub(super) fn send(&mut self, fixed: &[(u32, [f64; 3])], number: &[u32], x: &mut [f64]) {
+        for (v, target) in fixed {
+            let Ok(at) = self.targets.binary_search_by_key(v, |t| t.0) else { continue };
+            self.targets[at].1 = *target;
+            for d in 0..self.dim {
+                x[number[*v as usize] as usize * self.dim + d] = target[d] - self.center[d];
+            }
+        }
+    }
+
+    /// Where the solver's origin is.
+    pub(super) fn center(&self) -> [f64; 3] {
+        self.center
+    }
+
+    /// Number of vertices that are not fixed.
+    pub(super) fn n_free(&self) -> usize {
+        self.n_free
+    }
+
+    /// What it is called in messages.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The harmonic displacement of the free vertices of this body, which also follow `points` of the user's vertices.
+    pub(super) fn harmonic(
+        &self,
+        input: &DeformInput,
+        settings: &DeformSettings,
+        points: &[PointSpring],
+    ) -> Result<start::Harmonic, DeformError> {
+        let mesh = &input.rest;
+        let mut kinds = Cells::all(mesh, self.repaired_tets.as_deref().unwrap_or(&mesh.tets), settings);
+        if settings.planar {
+            planar::orient(&self.name, mesh, settings, &mut kinds)?;
+        }
+        let modulus = settings.material.modulus().map_err(|e| DeformError(e.to_string()))?;
+        let number = self.numbers();
+        let solver = |p: &PointSpring| PointSpring {
+            nodes: p.nodes.map(|v| number[v as usize]),
+            stiffness: p.stiffness / modulus,
+            ..*p
+        };
+        let points = points.iter().map(solver).collect();
+        let rest = self.centred(&mesh.points);
+        start::Harmonic::new(&kinds, &number, &rest, self.n_free, self.dim, points, Precision::Single)
     }
 
     /// The terms that are obstacles.
@@ -292,7 +335,7 @@ impl Body {
     }
 
     /// The solver's number of each of the user's vertices.
-    fn numbers(&self) -> Vec<u32> {
+    pub(super) fn numbers(&self) -> Vec<u32> {
         let mut number = vec![0; self.order.len()];
         for (place, v) in self.order.iter().enumerate() {
             number[*v as usize] = place as u32;

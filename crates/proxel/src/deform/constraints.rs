@@ -83,7 +83,8 @@ impl Around<'_> {
         Ok(warnings)
     }
 
-    fn equalities(&self, problem: &Problem) -> Result<Equalities, DeformError> {
+    /// The rows over free nodes; fixed ones are read from the problem's start.
+    pub fn equalities(&self, problem: &Problem) -> Result<Equalities, DeformError> {
         let rows = self.input.equalities.iter().map(|Equality { nodes, value }| {
             let sum: f64 = nodes.iter().map(|n| n.1).sum();
             Equality {
@@ -177,6 +178,23 @@ impl Around<'_> {
         stiffness: &[f64],
         follows: bool,
     ) -> Result<Box<dyn Term>, DeformError> {
+        let plane = self.plane::<D>(k)?;
+        self.check_plane(problem, k, &plane)?;
+        let size = size_of(&problem.x0, D);
+        let free = match &self.input.skin {
+            Some(skin) => {
+                let free: Vec<u32> = skin.places().into_iter().filter(|v| self.is_free(*v, problem.n_free)).collect();
+                self.points(skin, &free)
+            }
+            None => Points::of_nodes(self.touching(problem.n_free)),
+        };
+        let weight2 = shared(&free, stiffness).map(|k| OBSTACLE_WEIGHT * k).collect();
+        let obstacle = Obstacle::new(plane, free, weight2, size);
+        Ok(Box::new(if follows { obstacle.following(&problem.x0) } else { obstacle }))
+    }
+
+    /// Obstacle k as the solver sees it.
+    fn plane<const D: usize>(&self, k: usize) -> Result<HalfSpace<D>, DeformError> {
         let written = self.input.obstacles[k];
         // In units of its largest component the length neither overflows nor vanishes.
         let largest = written.normal[..D].iter().fold(0.0, |m: f64, n| m.max(n.abs()));
@@ -193,18 +211,30 @@ impl Around<'_> {
         }
         let normal: [f64; D] = std::array::from_fn(|d| given.normal[d] / length);
         let height = (0..D).map(|d| normal[d] * (given.point[d] - self.center[d])).sum();
-        let plane = HalfSpace { normal, height };
+        Ok(HalfSpace { normal, height })
+    }
+
+    /// Whether all fixed vertices are in front of all obstacles; they are read from the problem's start.
+    pub fn check_held(&self, problem: &Problem) -> Result<(), DeformError> {
+        for k in 0..self.input.obstacles.len() {
+            match problem.dim {
+                2 => self.check_plane(problem, k, &self.plane::<2>(k)?)?,
+                _ => self.check_plane(problem, k, &self.plane::<3>(k)?)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn check_plane<const D: usize>(
+        &self,
+        problem: &Problem,
+        k: usize,
+        plane: &HalfSpace<D>,
+    ) -> Result<(), DeformError> {
         let size = size_of(&problem.x0, D);
-        let (free, held) = match &self.input.skin {
-            Some(skin) => {
-                let (free, held): (Vec<u32>, Vec<u32>) =
-                    skin.places().into_iter().partition(|v| self.is_free(*v, problem.n_free));
-                (self.points(skin, &free), held)
-            }
-            None => {
-                let held = self.input.fixed.iter().map(|f| f.0).collect();
-                (Points::of_nodes(self.touching(problem.n_free)), held)
-            }
+        let held: Vec<u32> = match &self.input.skin {
+            Some(skin) => skin.places().into_iter().filter(|v| !self.is_free(*v, problem.n_free)).collect(),
+            None => self.input.fixed.iter().map(|f| f.0).collect(),
         };
         for v in held {
             let at = match &self.input.skin {
@@ -219,9 +249,7 @@ impl Around<'_> {
                 )));
             }
         }
-        let weight2 = shared(&free, stiffness).map(|k| OBSTACLE_WEIGHT * k).collect();
-        let obstacle = Obstacle::new(plane, free, weight2, size);
-        Ok(Box::new(if follows { obstacle.following(&problem.x0) } else { obstacle }))
+        Ok(())
     }
 
     /// Free nodes that can touch something: all but those inside of tetrahedra, in the solver's numbering.

@@ -8,6 +8,7 @@ mod constraints;
 mod elements;
 mod embedded;
 mod extras;
+mod live;
 mod planar;
 mod sheet;
 mod skin;
@@ -17,6 +18,7 @@ mod watch;
 pub use body::Body;
 pub use embedded::{Carried, Carrier};
 pub use extras::{Extras, extras};
+pub use live::{Deformer, Frame};
 pub use skin::Skin;
 pub use watch::{Hooks, Progress};
 
@@ -256,6 +258,7 @@ impl Finished {
             rejected: 0,
             missed: 0,
             x: problem.x0.clone(),
+            energy: Default::default(),
             is_last: true,
             last: Default::default(),
         };
@@ -313,6 +316,22 @@ fn splitting(problem: Problem, settings: &DeformSettings) -> Result<Admm, System
     Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting })
 }
 
+/// Whether the method can hold what the problem asks to be held.
+fn check_method(problem: &Problem, settings: &DeformSettings) -> Result<(), DeformError> {
+    let (what, hard) = match () {
+        () if settings.method.takes_hard_sets() => return Ok(()),
+        () if problem.has_hard_sets() => ("needs derivatives and cannot hold hard limits", true),
+        () => ("cannot hold equalities", !problem.quadratic.equalities.is_empty()),
+    };
+    match hard {
+        true => Err(DeformError(format!(
+            "{} {what}; use --method auto, wrapd, r-admm, w-admm or admm-pd",
+            settings.method.as_str()
+        ))),
+        false => Ok(()),
+    }
+}
+
 fn solve(
     body: &Body,
     problem: Problem,
@@ -320,18 +339,7 @@ fn solve(
     hooks: &mut Hooks<'_>,
     began: Instant,
 ) -> Result<Finished, DeformError> {
-    if problem.has_hard_sets() && !settings.method.takes_hard_sets() {
-        return Err(DeformError(format!(
-            "{} needs derivatives and cannot hold hard limits; use --method auto, wrapd, r-admm, w-admm or admm-pd",
-            settings.method.as_str()
-        )));
-    }
-    if !problem.quadratic.equalities.is_empty() && !settings.method.takes_hard_sets() {
-        return Err(DeformError(format!(
-            "{} cannot hold equalities; use --method auto, wrapd, r-admm, w-admm or admm-pd",
-            settings.method.as_str()
-        )));
-    }
+    check_method(&problem, settings)?;
     let mut method = method(problem, settings).map_err(|e| DeformError(body.explain(&e)))?;
     let setup = began.elapsed().as_secs_f64();
     let mut tolerance = GradientTolerance::new(settings.tol, method.as_mut());

@@ -4,11 +4,10 @@ use super::DeformError;
 use super::elements::Cells;
 use proxel_model::elements::{Batch, BatchWeights, batch};
 use proxel_model::energy::Lame;
-use proxel_split::{NormalMatrix, PointSpring, Problem, Quadratic, Term, vector};
+use proxel_split::{NormalMatrix, PointSpring, Precision, Problem, Quadratic, SystemError, Term, vector};
 
-/// The free vertices follow the fixed ones harmonically: the displacement of least Dirichlet energy, which is the one step
-/// of a linear coupling whose local variables are all at rest. They also follow what draws at `points`, whose stiffness is
-/// here that of springs in a material of modulus 1.
+/// The free vertices follow the fixed ones harmonically, see [`Harmonic`]. They also follow what draws at `points`, whose
+/// stiffness is here that of springs in a material of modulus 1.
 pub(super) fn smooth(
     kinds: &[Cells],
     number: &[u32],
@@ -22,41 +21,76 @@ pub(super) fn smooth(
     if !moved || n_free == 0 {
         return Ok(x0);
     }
-    let lame = Lame::new(1.0, 0.0).map_err(|e| DeformError(e.to_string()))?;
-    let mut terms: Vec<Box<dyn Term>> = Vec::new();
-    for cells in kinds {
-        let corners = cells.renumbered(number);
-        let of = Batch {
-            shape: cells.shape(dim == 2),
-            positions: rest,
-            elements: corners.corners(),
-            fill: None,
-            energy: "arap",
-            lame: &lame,
-            limits: None,
-            rotation_aware: false,
-            singular_values: false,
-            weights: &|_| BatchWeights { base: 1.0, softening: 1.0 },
-        };
-        terms.push(batch(&of).map_err(|e| DeformError(e.to_string()))?.0);
+    let targets: Vec<[f64; 3]> = points.iter().map(|p| p.target).collect();
+    Harmonic::new(kinds, number, rest, n_free, dim, points, Precision::Double)?.follow(rest, x0, &targets)
+}
+
+/// The displacement of least Dirichlet energy, which is the one step of a linear coupling whose local variables are all
+/// where they were.
+pub(super) struct Harmonic {
+    problem: Problem,
+    normal: NormalMatrix,
+    p: Vec<Vec<f64>>,
+}
+
+impl Harmonic {
+    /// For these elements, `n_free` free nodes and springs at `points` in a material of modulus 1.
+    pub fn new(
+        kinds: &[Cells],
+        number: &[u32],
+        rest: &[f64],
+        n_free: usize,
+        dim: usize,
+        points: Vec<PointSpring>,
+        precision: Precision,
+    ) -> Result<Self, DeformError> {
+        let lame = Lame::new(1.0, 0.0).map_err(|e| DeformError(e.to_string()))?;
+        let mut terms: Vec<Box<dyn Term>> = Vec::new();
+        for cells in kinds {
+            let corners = cells.renumbered(number);
+            let of = Batch {
+                shape: cells.shape(dim == 2),
+                positions: rest,
+                elements: corners.corners(),
+                fill: None,
+                energy: "arap",
+                lame: &lame,
+                limits: None,
+                rotation_aware: false,
+                singular_values: false,
+                weights: &|_| BatchWeights { base: 1.0, softening: 1.0 },
+            };
+            terms.push(batch(&of).map_err(|e| DeformError(e.to_string()))?.0);
+        }
+        let quadratic = Quadratic { points, ..Quadratic::default() };
+        let problem = Problem { dim, n_free, x0: rest.to_vec(), terms, quadratic, barrier: false };
+        let normal = NormalMatrix::with_precision(&problem, precision).map_err(refuse)?;
+        let p = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
+        Ok(Harmonic { problem, normal, p })
     }
-    let mut problem =
-        Problem { dim, n_free, x0, terms, quadratic: Quadratic { points, ..Quadratic::default() }, barrier: false };
-    let refuse = |e: proxel_split::SystemError| DeformError(e.to_string());
-    let mut normal = NormalMatrix::new(&problem).map_err(refuse)?;
-    let mut x = problem.x0.clone();
-    // p = c(D rest): what the rest positions, and no others, match exactly.
-    let mut p = Vec::new();
-    for term in &mut problem.terms {
-        let mut part = vec![0.0; term.local_len()];
-        term.couple(rest, &mut part);
-        p.push(part);
+
+    /// `to`, whose fixed nodes are where they go and whose free nodes are anywhere, with free nodes such that the
+    /// displacement from `from` is the smoothest; points are drawn to `targets`, one for each.
+    pub fn follow(&mut self, from: &[f64], to: Vec<f64>, targets: &[[f64; 3]]) -> Result<Vec<f64>, DeformError> {
+        for (point, target) in self.problem.quadratic.points.iter_mut().zip(targets) {
+            point.target = *target;
+        }
+        // p = c(D from): what these positions, and no others, match exactly.
+        for (term, p) in self.problem.terms.iter_mut().zip(&mut self.p) {
+            term.couple(from, p);
+        }
+        let mut x = to;
+        let n = self.problem.n_free * self.problem.dim;
+        let mut g = vec![0.0; n];
+        self.problem.penalty(&x, &self.p, &mut g);
+        self.normal.solve(&mut g).map_err(refuse)?;
+        vector::add_scaled(&mut x[..n], -1.0, &g);
+        Ok(x)
     }
-    let mut g = vec![0.0; n_free * dim];
-    problem.penalty(&x, &p, &mut g);
-    normal.solve(&mut g).map_err(refuse)?;
-    vector::add_scaled(&mut x[..n_free * dim], -1.0, &g);
-    Ok(x)
+}
+
+fn refuse(e: SystemError) -> DeformError {
+    DeformError(e.to_string())
 }
 
 /// A start with more than this part of its elements inverted or collapsed says nothing about the body.

@@ -44,6 +44,7 @@ mod group;
 mod motion;
 mod refine;
 mod resolve;
+mod rigid;
 mod select;
 #[cfg(test)]
 mod tests;
@@ -53,6 +54,7 @@ pub use around::EqualityRow;
 pub use error::InputError;
 pub use group::{Combine, Force, Group, HalfSpace, Index, Region, Rotation, Scaling, Sphere};
 pub use resolve::Handles;
+pub use rigid::RigidMotion;
 
 use std::collections::BTreeMap;
 use std::path::Path;

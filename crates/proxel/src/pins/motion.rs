@@ -41,7 +41,7 @@ impl Motion {
 }
 
 /// The rows of the rotation around `axis` (any length but 0) by an angle in degrees (Rodrigues).
-fn rotation(axis: V3, degrees: f64) -> [V3; 3] {
+pub(super) fn rotation(axis: V3, degrees: f64) -> [V3; 3] {
     // Scaled first: an axis of 1e-200 has a direction too.
     let largest = axis.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let a = axis.map(|x| x / largest);

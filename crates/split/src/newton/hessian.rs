@@ -11,6 +11,7 @@ pub struct Hessian {
     form: Vec<f64>,       // of the quadratic form and of springs at points, slot by slot; empty where there is none
     symbolic: Option<Arc<Symbolic>>, // of the factor
     factor: Option<Cholesky<f32>>,
+    assembled: bool,
     factored: bool, // the last attempt to factor was a success
     scratch: SolveScratch,
 }
@@ -97,6 +98,7 @@ impl Hessian {
             form,
             symbolic: None,
             factor: None,
+            assembled: false,
             factored: false,
             scratch: SolveScratch::default(),
         })
@@ -123,6 +125,7 @@ impl Hessian {
         if projection == Projection::None {
             self.add_potentials(problem, x);
         }
+        self.assembled = true;
         Ok(())
     }
 
@@ -176,9 +179,25 @@ impl Hessian {
         (&self.matrix, self.factor.as_ref(), &mut self.scratch)
     }
 
+    /// Whether it was assembled, so that [`Self::matrix`] is the Hessian somewhere.
+    pub fn is_assembled(&self) -> bool {
+        self.assembled
+    }
+
     /// Whether there is a factor to solve with, of this or of an earlier Hessian.
     pub fn is_factored(&self) -> bool {
         self.factored
+    }
+
+    /// b <- H^-1 b with the factor as it is, in f32: of the matrix that was factored last.
+    ///
+    /// # Errors
+    /// No factor, or a vector of another length.
+    pub fn solve(&mut self, b: &mut [f64]) -> Result<(), SystemError> {
+        match &self.factor {
+            Some(factor) if self.factored => Ok(factor.solve_in_place(b, 1, &mut self.scratch)?),
+            _ => Err(SystemError::Factor("the Hessian was not factored before".to_string())),
+        }
     }
 
     /// Bytes of the factor and its workspace.

@@ -98,8 +98,20 @@ impl Newton {
         iteration: usize,
     ) -> Result<Self, SystemError> {
         let hessian = Hessian::new(&mut problem, &normal)?;
+        Ok(Self::resume_with(problem, normal, hessian, x, settings, iteration))
+    }
+
+    /// As [`Self::resume`], with the Hessian of this problem from before.
+    pub fn resume_with(
+        problem: Problem,
+        normal: NormalMatrix,
+        hessian: Hessian,
+        x: Vec<f64>,
+        settings: NewtonSettings,
+        iteration: usize,
+    ) -> Self {
         let n = problem.n_free * problem.dim;
-        Ok(Newton {
+        Newton {
             settings,
             problem,
             normal,
@@ -116,12 +128,22 @@ impl Newton {
             last_gradient: f64::INFINITY,
             iteration,
             factorisations: 0,
-        })
+        }
     }
 
     /// Problem, normal matrix and positions, for another method to go on.
     pub fn into_parts(self) -> (Problem, NormalMatrix, Vec<f64>) {
         (self.problem, self.normal, self.x)
+    }
+
+    /// The same with the Hessian, as it was assembled and factored last.
+    pub fn into_parts_with_hessian(self) -> (Problem, NormalMatrix, Vec<f64>, Hessian) {
+        (self.problem, self.normal, self.x, self.hessian)
+    }
+
+    /// The Hessian as it was assembled and factored last.
+    pub fn hessian(&self) -> &Hessian {
+        &self.hessian
     }
 
     /// How the last step was found.

@@ -133,6 +133,16 @@ impl Carrier {
         Ok(Carrying::Body(Box::new(Carrier::new(mesh, settings)?)))
     }
 
+    /// What the surface is called in messages.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What the user should know.
+    pub(super) fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
     /// The surface in its lattice.
     pub fn embedding(&self) -> &Embedding {
         &self.embedding
@@ -195,7 +205,12 @@ impl Carrier {
 
     /// Puts pinned vertices exactly where they are to be, if they are all but there, and returns the largest distance over
     /// the diagonal before that. What the lattice cannot reach stays where the lattice has it, and is told.
-    fn hold(&self, positions: &mut [[f64; 3]], fixed: &[(u32, [f64; 3])], warnings: &mut Vec<String>) -> f64 {
+    pub(super) fn hold(
+        &self,
+        positions: &mut [[f64; 3]],
+        fixed: &[(u32, [f64; 3])],
+        warnings: &mut Vec<String>,
+    ) -> f64 {
         let (mut worst, mut missed) = ((0.0, 0), 0);
         for &(v, target) in fixed {
             let gap = distance(positions[v as usize], target);
