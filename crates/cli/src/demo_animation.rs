@@ -51,7 +51,8 @@ time = 3
 /// Makes, moves, writes.
 pub fn run(args: &DemoArgs) -> Result<u8, Refusal> {
     let began = Instant::now();
-    let rest = beam([16, 4, 4], [4.0, 1.0, 1.0], CellSplit::Five)?;
+    let mut rest = beam([16, 4, 4], [4.0, 1.0, 1.0], CellSplit::Five)?;
+    rest.name = ANIMATION.to_string(); // as the file is called
     let settings = DeformSettings { threads: args.threads, ..DeformSettings::default() };
     settings.check().map_err(Refusal::new)?;
     std::fs::create_dir_all(&args.out).map_err(|e| {

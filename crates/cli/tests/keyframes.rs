@@ -41,7 +41,9 @@ fn every_frame_has_its_handles_where_they_are_to_be() {
     assert_eq!(r["iterations"].as_u64(), Some(sum));
     for (k, frame) in frames.iter().enumerate() {
         assert_eq!(frame["time"].as_f64(), Some(0.5 * k as f64));
-        assert!(frame["gradient_ratio"].as_f64().unwrap() <= 1e-9, "{frame}");
+        assert_eq!(frame["status"], "converged");
+        // At rest all that there is of a gradient is rounding.
+        assert!(k == 0 || frame["gradient_ratio"].as_f64().unwrap() <= 1e-9, "{frame}");
         let before = k.checked_sub(1).map(|b| frames[b]["energy"].as_f64());
         assert!(before.is_none_or(|b| frame["energy"].as_f64() > b), "it is wrung more and more");
     }
@@ -148,5 +150,5 @@ fn the_demo_leaves_files_that_do_it_again() {
         "deform d/animation.mesh --pins d/animation-pins.toml --keyframes d/animation-keys.toml --out again.glb";
     folder.run(&format!("{again} --threads 1")).is(0);
     let bytes = |name: &str| std::fs::read(folder.0.join(name)).unwrap();
-    assert_eq!(bytes("d/animation.glb").len(), bytes("again.glb").len());
+    assert!(bytes("d/animation.glb") == bytes("again.glb"), "not the same bytes");
 }

@@ -37,7 +37,8 @@ fn bend() -> RigidMotion {
 
 fn step(deformer: &mut Deformer) -> Frame {
     let frame = deformer.step(None, &mut Hooks::default()).unwrap();
-    assert_eq!(frame.status, Status::Converged, "{}", frame.reason);
+    let method = deformer.settings().method.as_str();
+    assert_eq!(frame.status, Status::Converged, "{method}: {}", frame.reason);
     frame
 }
 
@@ -118,8 +119,9 @@ fn without_time_there_is_the_smooth_start_and_it_is_said() {
     assert!(distance(&frame.positions, &start.unwrap().positions) < 1e-5);
     assert!((distance(&frame.positions, &first.positions) - 0.2).abs() < 1e-12);
     // Energies: some time makes it no worse, and more of it ends at the minimum.
+    let moved = deformer.input().clone();
     let energy = |x: &[V3]| {
-        let input = DeformInput { start: Some(x.to_vec()), ..deformer.input().clone() };
+        let input = DeformInput { start: Some(x.to_vec()), ..moved.clone() };
         let settings = DeformSettings { max_iters: 0, ..settings.clone() };
         deform(&input, &settings, &mut Hooks::default()).unwrap().report.energy.unwrap()
     };
@@ -219,7 +221,8 @@ fn sheets_with_limits_follow() {
     let first = step(&mut deformer);
     deformer.move_group("right", &RigidMotion::translation([-0.05, 0.0, 0.02])).unwrap();
     let frame = step(&mut deformer);
-    assert!(distance(&frame.positions, &first.positions) > 0.05);
+    let moved = distance(&frame.positions, &first.positions);
+    assert!(moved > 0.049, "the handle moves by 0.05: {moved}");
     assert!(frame.min_stretch > 0.9 - 1e-5 && frame.max_stretch < 1.1 + 1e-5);
     assert!(distance(&frame.positions, &cold(&deformer, &settings)) < 1e-4);
 }

@@ -35,12 +35,12 @@ mod problem;
 mod progress;
 mod quasi_newton;
 mod residual_stop;
+mod response;
 mod reweight;
 mod run;
 mod system;
 mod term;
 pub mod vector;
-mod warm;
 
 pub use accelerated::{AaAdmm, Aadr, Accelerated, Acceleration, CombinedResidual, Envelope, Merit};
 pub use admm::{Admm, AdmmSettings};
@@ -65,6 +65,7 @@ pub use problem::{Problem, ProblemError, Quadratic};
 pub use progress::NoProgress;
 pub use quasi_newton::{QuasiNewton, QuasiNewtonSettings};
 pub use residual_stop::ResidualTolerance;
+pub use response::{Response, respond};
 pub use reweight::{Hardening, Range, Reweighting};
 pub use run::{
     Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, PatchGradient, Status, Stop, VIOLATION,
@@ -72,4 +73,3 @@ pub use run::{
 };
 pub use system::{NormalMatrix, Precision, SystemError};
 pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
-pub use warm::{Kept, Response, Warm, respond};

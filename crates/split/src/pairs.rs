@@ -53,19 +53,6 @@ impl Pairs {
     /// # Errors
     /// A vector of another length than the matrix has.
     pub fn direction(&mut self, g: &[f64], q: &mut [f64], normal: &mut NormalMatrix) -> Result<f64, SystemError> {
-        self.direction_from(g, q, |b| normal.solve(b))
-    }
-
-    /// The same with another first inverse Hessian: `solve` is b <- H0 b, symmetric and positive definite.
-    ///
-    /// # Errors
-    /// Those of `solve`.
-    pub fn direction_from(
-        &mut self,
-        g: &[f64],
-        q: &mut [f64],
-        solve: impl FnOnce(&mut [f64]) -> Result<(), SystemError>,
-    ) -> Result<f64, SystemError> {
         let Pairs { pairs, products, alpha, .. } = self;
         let pairs = &*pairs;
         let (s, y) = (|i: usize| pairs[i].s.as_slice(), |i: usize| pairs[i].y.as_slice());
@@ -78,7 +65,7 @@ impl Pairs {
             alpha[i] /= pairs[i].s_dot_y[i];
         }
         vector::subtract_combination(q, g, alpha, &y);
-        solve(q)?;
+        normal.solve(q)?;
         vector::dots(m, &y, q, products);
         for i in 0..m {
             let mut c = pairs[i].s_dot_y[i] * alpha[i] - products[i];

@@ -63,8 +63,8 @@ pub struct Frame {
 ///
 /// [`Self::step`] moves towards the minimum for the targets as they are and returns where it has got to. With second
 /// derivatives, `--method auto` begins with the linear response of the last minimum ([`proxel_split::respond`]) or, where
-/// that is worse, with the last pose carried along smoothly; the factor of the last Hessian then serves as long as it is
-/// good for anything ([`proxel_split::Warm`]). With hard sets, equalities or pressure the splitting goes on with the weights
+/// that is worse, with the last pose carried along smoothly; the factor of the last Hessian then preconditions Newton's
+/// first steps ([`proxel_split::Newton`]). With hard sets, equalities or pressure the splitting goes on with the weights
 /// and duals that it had. Any other method begins anew, from the last pose.
 pub struct Deformer {
     input: DeformInput, // as given, with the targets of now
@@ -208,6 +208,11 @@ impl Deformer {
     /// What it was built from, with the targets of now.
     pub fn input(&self) -> &DeformInput {
         &self.input
+    }
+
+    /// How it solves.
+    pub fn settings(&self) -> &DeformSettings {
+        &self.settings
     }
 
     /// Number of threads that it works with.

@@ -10,14 +10,14 @@ use super::stops::{Budget, Iterations, spent};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_split::{
     Admm, Auto, AutoSettings, Cancel, EnergyReport, GradientTolerance, Method, NoProgress, Outcome, Parts, PointSpring,
-    Problem, ResidualTolerance, Status, Stop, Warm, respond,
+    Problem, ResidualTolerance, Status, Stop, respond,
 };
 use std::time::{Duration, Instant};
 
 /// A method at work, or what it has left.
 enum Running {
     /// Second derivatives and a factor from before.
-    Warm(Box<Warm>),
+    Auto(Box<Auto>),
     /// The splitting, with its weights and duals from before.
     Splitting(Box<Admm>),
     /// Any other method, from the pose of before.
@@ -31,7 +31,7 @@ enum Running {
 impl Running {
     fn method(&mut self) -> Option<&mut dyn Method> {
         match self {
-            Running::Warm(method) => Some(method.as_mut()),
+            Running::Auto(method) => Some(method.as_mut()),
             Running::Splitting(method) => Some(method.as_mut()),
             Running::Other(method) => Some(method.as_mut()),
             Running::Fixed(_) | Running::Nothing => None,
@@ -115,7 +115,7 @@ impl Posed {
         if name == MethodName::Auto && admm.has_curvature() {
             let name = name.as_str().to_string();
             let auto = Auto::new(name.clone(), admm, self.auto());
-            return Ok(Running::Warm(Box::new(Warm::cold(name, auto, self.auto()))));
+            return Ok(Running::Auto(Box::new(auto)));
         }
         Ok(Running::Splitting(Box::new(admm)))
     }
@@ -222,10 +222,10 @@ impl Posed {
         let lost = || DeformError("the deformer ended with an error before; build it anew".to_string());
         let smooth = self.smooth()?;
         match std::mem::replace(&mut self.running, Running::Nothing) {
-            Running::Warm(warm) => {
-                let mut parts = warm.into_parts().ok_or_else(lost)?;
+            Running::Auto(auto) => {
+                let mut parts = auto.into_parts().ok_or_else(lost)?;
                 self.change(&mut parts.problem)?;
-                self.running = Running::Warm(Box::new(self.warm(parts, smooth)?));
+                self.running = Running::Auto(Box::new(self.warm(parts, smooth)?));
             }
             Running::Splitting(mut admm) => {
                 let mut changed = Ok(());
@@ -256,7 +256,7 @@ impl Posed {
 
     /// The linear response of the last pose where that is better than the smooth start, and a method from there on; the
     /// splitting from the smooth start, which is safe for motions of any size, where it is not.
-    fn warm(&mut self, mut parts: Parts, smooth: Vec<f64>) -> Result<Warm, DeformError> {
+    fn warm(&mut self, mut parts: Parts, smooth: Vec<f64>) -> Result<Auto, DeformError> {
         let name = self.settings.method.as_str().to_string();
         let responded = match &mut parts.hessian {
             Some(hessian) => {
@@ -278,15 +278,15 @@ impl Posed {
             let barred = parts.problem.barrier && there.inverted > 0;
             if !barred && is_better(&there, &fallback, parts.problem.barrier) {
                 parts.x = x;
-                return Warm::resume(name, parts, self.auto()).map_err(|e| self.explain(&e));
+                return Auto::resume(name, parts, self.auto(), 0).map_err(|e| self.explain(&e));
             }
         }
         let Parts { problem, normal, admm, .. } = parts;
         let admm = Admm::resume(problem, normal, smooth, admm, 0);
-        let mut warm = Warm::cold(name.clone(), Auto::new(name, admm, self.auto()), self.auto());
-        let norm = warm.evaluate().gradient_norm;
+        let mut auto = Auto::new(name, admm, self.auto());
+        let norm = auto.evaluate().gradient_norm;
         self.reference = self.reference.max(norm.min(self.characteristic));
-        Ok(warm)
+        Ok(auto)
     }
 
     /// Goes on towards the minimum for the targets of now.
