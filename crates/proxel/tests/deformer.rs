@@ -149,7 +149,9 @@ fn a_cancelled_step_returns_what_it_has() {
 fn every_method_follows() {
     let input = held_beam([6, 2, 2]);
     for method in [MethodName::Wrapd, MethodName::AdmmPd, MethodName::Newton, MethodName::NewtonCg, MethodName::Lbfgs] {
-        follows(&input, &DeformSettings { method, tol: 1e-9, max_iters: 50_000, ..settings() }, 1e-6);
+        // L-BFGS goes by energies alone, which rounding hides sooner.
+        let (tol, close) = if method == MethodName::Lbfgs { (1e-6, 1e-4) } else { (1e-9, 1e-6) };
+        follows(&input, &DeformSettings { method, tol, max_iters: 50_000, ..settings() }, close);
     }
 }
 
