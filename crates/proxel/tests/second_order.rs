@@ -128,3 +128,49 @@ fn surfaces_and_springs_too() {
         assert!(a <= b * (1.0 + 1e-6), "{name}: {a} above {b}");
     }
 }
+
+#[test]
+fn a_factor_that_does_not_fit_is_refused_or_done_without() {
+    let input = twisted([8, 3, 3], 0.8);
+    let tight = |method: MethodName| {
+        let mut settings = with(method);
+        settings.newton.memory = 1e5;
+        settings
+    };
+    let error = deform(&input, &tight(MethodName::Newton), &mut Hooks::default()).expect_err("refused").to_string();
+    assert!(error.contains("GB") && error.contains("newton-cg") && error.contains("newton.memory"), "{error}");
+    for method in [MethodName::Auto, MethodName::NewtonCg] {
+        let (result, _) = run(&input, &tight(method));
+        assert_eq!(result.status, Status::Converged, "{method:?}: {}", result.report.reason);
+    }
+}
+
+#[test]
+fn auto_begins_anew_where_the_start_is_hopeless() {
+    let mut input = twisted([8, 3, 3], 0.8);
+    let (good, _) = run(&input, &with(MethodName::Auto));
+    let fixed: Vec<u32> = input.fixed.iter().map(|f| f.0).collect();
+    let start = input.start.clone().unwrap_or_else(|| input.rest.points.clone());
+    let mut spoilt = start.clone();
+    for (v, p) in spoilt.iter_mut().enumerate().filter(|(v, _)| !fixed.contains(&(*v as u32))) {
+        // Every third vertex to the middle, the others mirrored.
+        *p = if v % 3 == 0 { [0.1, 0.0, 0.0] } else { [p[0], -p[1], p[2]] };
+    }
+    input.start = Some(spoilt.clone());
+    let (result, _) = run(&input, &with(MethodName::Auto));
+    assert_eq!(result.status, Status::Converged, "{}", result.report.reason);
+    assert_eq!(result.report.inverted, Some(0));
+    let said = |warnings: &[String]| warnings.iter().any(|w| w.contains("smooth start"));
+    assert!(said(&result.report.warnings) && result.start != spoilt, "{:?}", result.report.warnings);
+    let energy = good.report.energy.expect("an energy");
+    assert!((result.report.energy.expect("an energy") / energy - 1.0).abs() < 1e-9);
+    // Other methods begin where they are told, and so does auto where that makes sense.
+    let few = DeformSettings { max_iters: 1, ..with(MethodName::Wrapd) };
+    let (told, _) = run(&input, &few);
+    assert!(!said(&told.report.warnings) && told.start == spoilt);
+    input.start = Some(start.clone());
+    let (kept, _) = run(&input, &with(MethodName::Auto));
+    assert!(!said(&kept.report.warnings));
+    let moved = kept.start.iter().zip(&start).enumerate().filter(|(v, _)| !fixed.contains(&(*v as u32)));
+    assert!(moved.clone().count() > 0 && moved.clone().all(|(_, (a, b))| (0..3).all(|d| (a[d] - b[d]).abs() < 1e-12)));
+}

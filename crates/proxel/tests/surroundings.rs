@@ -110,6 +110,7 @@ fn a_block_under_pressure_swells_as_its_material_says() {
         };
         let end = run(&input, &settings);
         assert_eq!(end.status, Status::Converged, "{}", end.report.reason);
+        assert!(end.report.iterations <= 40, "Newton ends it: {} iterations", end.report.iterations);
         let (low, high) = (end.report.min_stretch.unwrap(), end.report.max_stretch.unwrap());
         assert!(high - low < 1e-7, "uniform: {low} {high}");
         // The force on a face, p s^2 per area at rest, is the stress psi_i.

@@ -18,8 +18,6 @@ pub struct AutoSettings {
     pub longest: usize,
     /// Iterations of the splitting after Newton has failed the first time; twice as many each further time.
     pub retreat: usize,
-    /// Bytes that a factor of the Hessian may take.
-    pub memory: f64,
 }
 
 /// What an iteration of Newton costs in iterations of the splitting, counted, not timed, so that a run is the same on any
@@ -77,7 +75,7 @@ impl AutoSettings {
     /// Chooses Newton's solver for a problem; returns what its iteration costs in iterations of the splitting.
     fn choose(&mut self, problem: &Problem, normal: &NormalMatrix) -> f64 {
         let (price, cost) = Price::of(problem, normal);
-        self.newton.solver = solver_for(&price, &cost, self.memory);
+        self.newton.solver = solver_for(&price, &cost, self.newton.memory);
         match self.newton.solver {
             LinearSolver::Factor => price.factor,
             LinearSolver::ConjugateGradients => price.gradients,
@@ -370,8 +368,9 @@ mod tests {
             projection: ProjectionRule::OnDemand { back_off: 2 },
             warp: true,
             max_inner: 10,
+            memory: 1e9,
         };
-        AutoSettings { newton, gain: 0.1, window: 2, longest: 50, retreat: 4, memory: 1e9 }
+        AutoSettings { newton, gain: 0.1, window: 2, longest: 50, retreat: 4 }
     }
 
     #[test]

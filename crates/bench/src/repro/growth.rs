@@ -41,7 +41,14 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
             let tets = model.input.rest.tets.len();
             let mut row = vec![tets.to_string()];
             for (method, line) in METHODS.into_iter().zip(&mut lines) {
-                let end = solve(context, &model, method)?;
+                let end = match solve(context, &model, method) {
+                    Ok(end) => end,
+                    Err(refusal) => {
+                        context.tell(&format!("{name}: {tets} tetrahedra: {}: {refusal}", method.as_str()));
+                        row.push(refusal.to_string());
+                        continue;
+                    }
+                };
                 let spent = end.report.seconds.setup + end.report.seconds.solve;
                 context.tell(&format!(
                     "{name}: {tets} tetrahedra: {}: {} after {} iterations, {} s",

@@ -39,7 +39,7 @@ pub struct NewtonSettings {
     pub longest: usize,
     /// Iterations of WRAPD after Newton has failed the first time.
     pub retreat: usize,
-    /// Bytes that `auto` lets a factor of the Hessian take; beyond, it uses conjugate gradients.
+    /// Bytes that a factor of the Hessian may take; beyond, `auto` uses conjugate gradients, and others refuse.
     pub memory: f64,
 }
 
@@ -80,6 +80,7 @@ impl NewtonSettings {
             },
             warp: self.warp,
             max_inner: self.max_inner,
+            memory: self.memory,
         }
     }
 
@@ -91,7 +92,6 @@ impl NewtonSettings {
             window: self.window,
             longest: self.longest,
             retreat: self.retreat,
-            memory: self.memory,
         }
     }
 }

@@ -49,6 +49,8 @@ pub struct NewtonSettings {
     pub warp: bool,
     /// Most conjugate-gradient steps an iteration.
     pub max_inner: usize,
+    /// Bytes that a factor of the Hessian may take.
+    pub memory: f64,
 }
 
 /// A relative change of the energy that may be rounding.
@@ -83,6 +85,15 @@ impl Newton {
         problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
         let normal = NormalMatrix::new(&problem)?;
         let x = problem.x0.clone();
+        let bytes = FactorCost::of(&normal, problem.dim).bytes;
+        if settings.solver == LinearSolver::Factor && bytes > settings.memory {
+            return Err(SystemError::Factor(format!(
+                "the factor of the Hessian would take {:.1} GB, {:.1} are allowed; take newton-cg or auto, or allow more \
+                 (newton.memory)",
+                bytes / 1e9,
+                settings.memory / 1e9
+            )));
+        }
         Self::resume(problem, normal, x, settings, 0)
     }
 
