@@ -139,6 +139,7 @@ fn what_cannot_be_is_refused_with_file_and_remedy() {
     folder.run("deform rest.node --keyframes keys.toml --out walk.obj").is_refused(&["--pins"]);
     folder.run(&format!("{RUN} --out walk.obj --frame-time -1")).is_refused(&["--frame-time"]);
     folder.run(&RUN.replace("keys.toml", "no.toml --out walk.obj")).is_refused(&["no.toml", "no such file"]);
+    folder.run(&format!("{RUN} --out walk.glb --report walk.glb")).is_refused(&["walk.glb", "--report"]);
     assert!(!folder.names().iter().any(|n| n.starts_with("walk")), "{:?}", folder.names());
 }
 

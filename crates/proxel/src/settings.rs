@@ -30,7 +30,7 @@ pub enum Schedule {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BaseWeight {
-    /// The slope fit, or the geometric mean where that exceeds it by half, which it does for nearly incompressible materials.
+    /// The slope fit, or the geometric mean where the slope fit exceeds that by half, which it does for nearly incompressible materials.
     /// Where a splitting has static weights the rest Hessian, which is larger and safer; where weights are dynamic and
     /// the coupling is linear half the slope fit, since that is slow in rotations, which ask for soft weights.
     Auto,

@@ -271,3 +271,16 @@ fn a_body_without_free_vertices_is_where_it_is_put() {
     let frame = step(&mut deformer);
     assert_eq!(frame.positions[3], bend().apply(input.rest.points[3]));
 }
+
+#[test]
+fn planar_bodies_stay_in_their_plane() {
+    let rest = cloth([6, 4], [1.0, 0.6]).unwrap();
+    let settings = DeformSettings { planar: true, ..settings() };
+    let mut deformer = Deformer::new(&held(rest, 0.5), &settings).unwrap();
+    step(&mut deformer);
+    let error = deformer.move_group("right", &RigidMotion::translation([0.0, 0.0, 0.1])).unwrap_err().to_string();
+    assert!(error.contains("--planar") && error.contains("plane of the mesh"), "{error}");
+    deformer.move_group("right", &RigidMotion::translation([0.1, 0.05, 0.0])).unwrap();
+    let frame = step(&mut deformer);
+    assert!(distance(&frame.positions, &cold(&deformer, &settings)) < 1e-7);
+}

@@ -225,14 +225,6 @@ impl Auto {
         matches!(self.phase, Phase::Newton(..))
     }
 
-    /// Newton, where it is at work.
-    pub fn newton(&self) -> Option<&Newton> {
-        match &self.phase {
-            Phase::Newton(newton, _) => Some(newton),
-            _ => None,
-        }
-    }
-
     fn enter_newton(&mut self) -> Result<(), SystemError> {
         if let Phase::Splitting(admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
             let (problem, normal, x, admm) = admm.into_parts();
@@ -391,7 +383,7 @@ mod tests {
 
     #[test]
     fn a_factor_where_it_fits_and_costs_less() {
-        let cost = |flops, bytes| FactorCost { bytes, flops, entries: 1.0 };
+        let cost = |flops, bytes| FactorCost { bytes, flops };
         let solver = |flops, bytes| {
             let cost = cost(flops, bytes);
             let price = Price::new(100_000, 200_000, 3, 2e6, &cost);

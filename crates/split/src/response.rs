@@ -27,7 +27,8 @@ pub struct Response {
 /// d = -H^-1 (g(x) + K s),    K s = d/dt g(x + t s) at t = 0,
 /// ```
 ///
-/// g the gradient over the free nodes, H their Hessian as it was assembled last, which should have been near x. `moved`
+/// g the gradient over the free nodes, H their Hessian as it was factored last or, without a factor, assembled last, which
+/// should have been near x. `moved`
 /// covers all nodes, 0 at free ones. What else has changed, such as targets of springs, is in g(x) already.
 ///
 /// With a factor of H this is one solve in f32; without, conjugate gradients preconditioned by the normal matrix. `None`

@@ -56,44 +56,42 @@ pub(super) fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         let mut deformer = Deformer::new(&input, &settings).map_err(BenchError::from_display)?;
         converge(&mut deformer)?;
         for (k, (group, vertices)) in groups.iter().enumerate() {
-            {
-                let axis = k % 3;
-                let mut case = Case::new(&mut deformer, &model, group, axis)?;
-                let warm = case.converged(repeats)?;
-                let times = budgets(three);
-                let mut errors = Vec::new();
-                for budget in &times {
-                    errors.push(case.error_after(*budget, repeats)?);
-                }
-                let ten = errors.iter().filter(|e| e.1 <= LEFT).map(|e| e.0).fold(f64::INFINITY, f64::min);
-                let said: Vec<String> = errors.iter().map(|(s, e)| format!("{:.1} ms {e:.2e}", s * 1e3)).collect();
-                context.tell(&format!(
-                    "{name}: {group}, {}: warm {:.0} ms in {} iterations, cold {:.0} ms, 3 iterations {:.1} ms; {}",
-                    ["x", "y", "z"][axis],
-                    warm.0 * 1e3,
-                    warm.1,
-                    cold * 1e3,
-                    three * 1e3,
-                    said.join("; ")
-                ));
-                let at_three = errors.iter().filter(|e| e.0 <= three).map(|e| e.1).fold(1.0, f64::min);
-                table.row([
-                    format!("{group} ({})", vertices.len()),
-                    ["x", "y", "z"][axis].to_string(),
-                    format!("{:.1}", ten * 1e3),
-                    format!("{:.2}", ten / three),
-                    format!("{at_three:.4}"),
-                    format!("{:.0}", warm.0 * 1e3),
-                    format!("{:.3}", warm.0 / cold),
-                    warm.1.to_string(),
-                ]);
-                let _ = write!(curves, "- {group}, {}:", ["x", "y", "z"][axis]);
-                for (seconds, error) in &errors {
-                    let _ = write!(curves, " {:.1} ms {error:.2e};", seconds * 1e3);
-                }
-                curves.push('\n');
-                case.back()?;
+            let axis = k % 3;
+            let mut case = Case::new(&mut deformer, &model, group, axis)?;
+            let warm = case.converged(repeats)?;
+            let times = budgets(three);
+            let mut errors = Vec::new();
+            for budget in &times {
+                errors.push(case.error_after(*budget, repeats)?);
             }
+            let ten = errors.iter().filter(|e| e.1 <= LEFT).map(|e| e.0).fold(f64::INFINITY, f64::min);
+            let said: Vec<String> = errors.iter().map(|(s, e)| format!("{:.1} ms {e:.2e}", s * 1e3)).collect();
+            context.tell(&format!(
+                "{name}: {group}, {}: warm {:.0} ms in {} iterations, cold {:.0} ms, 3 iterations {:.1} ms; {}",
+                ["x", "y", "z"][axis],
+                warm.0 * 1e3,
+                warm.1,
+                cold * 1e3,
+                three * 1e3,
+                said.join("; ")
+            ));
+            let at_three = errors.iter().filter(|e| e.0 <= three).map(|e| e.1).fold(1.0, f64::min);
+            table.row([
+                format!("{group} ({})", vertices.len()),
+                ["x", "y", "z"][axis].to_string(),
+                format!("{:.1}", ten * 1e3),
+                format!("{:.2}", ten / three),
+                format!("{at_three:.4}"),
+                format!("{:.0}", warm.0 * 1e3),
+                format!("{:.3}", warm.0 / cold),
+                warm.1.to_string(),
+            ]);
+            let _ = write!(curves, "- {group}, {}:", ["x", "y", "z"][axis]);
+            for (seconds, error) in &errors {
+                let _ = write!(curves, " {:.1} ms {error:.2e};", seconds * 1e3);
+            }
+            curves.push('\n');
+            case.back()?;
         }
         let _ = writeln!(
             context.text,

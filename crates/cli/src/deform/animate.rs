@@ -35,7 +35,8 @@ impl Outlets {
     /// Checks that all can be written.
     pub fn check(&self) -> Result<(), Refusal> {
         check_series_output(&self.out)?;
-        let outputs = Outputs::default().file("--report", self.report.as_deref(), &[])?;
+        let outputs = Outputs::default().file("--out", Some(&self.out), &[])?;
+        let outputs = outputs.file("--report", self.report.as_deref(), &[])?;
         outputs.file("--trace", self.trace.as_deref(), &[])?.check()
     }
 
@@ -69,12 +70,14 @@ struct FrameReport {
     min_stretch: Option<f64>,
     max_stretch: Option<f64>,
     seconds: f64,
+    /// Whether it is in the animation; what was cut short is not, unless there is no other.
+    written: bool,
     #[serde(skip)]
     warned: bool,
 }
 
 impl FrameReport {
-    fn new(index: usize, time: f64, frame: &Frame, seconds: f64) -> Self {
+    fn new(index: usize, time: f64, frame: &Frame, seconds: f64, written: bool) -> Self {
         let finite = |v: f64| v.is_finite().then_some(v);
         FrameReport {
             frame: index,
@@ -91,6 +94,7 @@ impl FrameReport {
             min_stretch: finite(frame.min_stretch),
             max_stretch: finite(frame.max_stretch),
             seconds,
+            written,
             warned: !frame.warnings.is_empty(),
         }
     }
@@ -161,6 +165,7 @@ impl Player<'_> {
             Ok(frame) => frame,
             Err(e) => {
                 let text = format!("frame {k} (0-based), at time {time}: {e}; the {k} frames before it were written");
+                self.end(Status::Failed, text.clone());
                 self.refused = Some(Refusal::new(text));
                 return None;
             }
@@ -169,10 +174,10 @@ impl Player<'_> {
         if self.frames.iter().all(|f| !f.warned) {
             self.warnings.extend(frame.warnings.iter().map(|w| format!("frame {k} (0-based): {w}")));
         }
-        self.frames.push(FrameReport::new(k, time, &frame, began.elapsed().as_secs_f64()));
-        self.end(frame.status, format!("frame {k} (0-based): {}", frame.reason));
         // What was cut short is no frame, unless there is no other.
         let cut = matches!(frame.status, Status::Cancelled | Status::Failed) && k > 0;
+        self.frames.push(FrameReport::new(k, time, &frame, began.elapsed().as_secs_f64(), !cut));
+        self.end(frame.status, format!("frame {k} (0-based): {}", frame.reason));
         let fields = self.fields(&frame);
         (!cut).then_some(proxel_mesh::Frame { time, points: frame.positions, fields })
     }
@@ -194,7 +199,7 @@ impl Player<'_> {
     }
 
     fn end(&mut self, status: Status, reason: String) {
-        if self.frames.len() <= 1 || rank(status) > rank(self.worst) {
+        if self.reason.is_empty() || rank(status) > rank(self.worst) {
             self.worst = status;
             self.reason = reason;
         }
@@ -265,8 +270,9 @@ pub fn animate(
     player.bar.clear();
     let solve = began.elapsed().as_secs_f64() - setup;
     if let Some(path) = &outlets.trace {
-        let rows = player.rows.join("\n");
-        write_text(path, &format!("frame,{}\n{rows}\n", TraceRow::HEADER))?;
+        let header = format!("frame,{}", TraceRow::HEADER);
+        let rows: Vec<&str> = std::iter::once(&header).chain(&player.rows).map(String::as_str).collect();
+        write_text(path, &(rows.join("\n") + "\n"))?;
         written.push(path.clone());
     }
     let report = report(&player, settings, Seconds { read, setup, solve, write: 0.0 });
@@ -310,7 +316,7 @@ fn write_frames(
 }
 
 fn report(player: &Player<'_>, settings: &DeformSettings, seconds: Seconds) -> Report {
-    let last = player.frames.last();
+    let last = player.frames.iter().rfind(|f| f.written);
     let sum = |of: fn(&FrameReport) -> usize| player.frames.iter().map(of).sum();
     Report {
         version: env!("CARGO_PKG_VERSION").to_string(),
@@ -344,7 +350,7 @@ fn say(player: &Player<'_>, total: usize, seconds: f64, written: &[PathBuf]) {
     for repair in player.deformer.repaired() {
         eprintln!("repaired: {repair}");
     }
-    let frames = player.frames.len();
+    let frames = player.frames.iter().filter(|f| f.written).count();
     let converged = player.frames.iter().filter(|f| f.status == "converged").count();
     let iterations: usize = player.frames.iter().map(|f| f.iterations).sum();
     say!(

@@ -16,7 +16,10 @@ impl Symbolic {
     pub fn expanded(&self, block: usize) -> Result<Self, SparseError> {
         let limit = i32::MAX as usize - 1;
         let size = self.n().saturating_mul(block).max(self.rows.len().saturating_mul(block));
-        if size > limit || block == 0 || block > MOST || self.block != 1 {
+        if !(1..=MOST).contains(&block) || self.block != 1 {
+            return Err(SparseError::TooLarge { what: "the size of blocks", size: block * self.block, limit: MOST });
+        }
+        if size > limit {
             return Err(SparseError::TooLarge { what: "the number of unknowns in blocks", size, limit });
         }
         let each = |of: &[u32]| -> Vec<u32> {

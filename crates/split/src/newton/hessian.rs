@@ -23,8 +23,6 @@ pub struct FactorCost {
     pub bytes: f64,
     /// Multiplications and additions.
     pub flops: f64,
-    /// Numbers that a solve reads.
-    pub entries: f64,
 }
 
 /// No slot.
@@ -35,11 +33,7 @@ impl FactorCost {
     pub fn of(normal: &NormalMatrix, dim: usize) -> Self {
         let d = dim as f64;
         let (factor, workspace) = normal.symbolic().factor_bytes::<f32>();
-        FactorCost {
-            bytes: (factor + workspace) as f64 * d * d,
-            flops: normal.symbolic().factor_flops() * d * d * d,
-            entries: normal.symbolic().factor_nnz() as f64 * d * d,
-        }
+        FactorCost { bytes: (factor + workspace) as f64 * d * d, flops: normal.symbolic().factor_flops() * d * d * d }
     }
 }
 

@@ -152,11 +152,6 @@ impl Newton {
         (self.problem, self.normal, self.x, self.hessian)
     }
 
-    /// The Hessian as it was assembled and factored last.
-    pub fn hessian(&self) -> &Hessian {
-        &self.hessian
-    }
-
     /// How the last step was found.
     pub fn last(&self) -> &Found {
         &self.last

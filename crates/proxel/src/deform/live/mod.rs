@@ -64,7 +64,7 @@ pub struct Frame {
 /// [`Self::step`] moves towards the minimum for the targets as they are and returns where it has got to. With second
 /// derivatives, `--method auto` begins with the linear response of the last minimum ([`proxel_split::respond`]) or, where
 /// that is worse, with the last pose carried along smoothly; the factor of the last Hessian then preconditions Newton's
-/// first steps ([`proxel_split::Newton`]). With hard sets, equalities or pressure the splitting goes on with the weights
+/// first steps ([`proxel_split::Newton`]). With hard sets, equalities or pressure on a surface in a lattice the splitting goes on with the weights
 /// and duals that it had. Any other method begins anew, from the last pose.
 pub struct Deformer {
     input: DeformInput, // as given, with the targets of now
@@ -110,7 +110,13 @@ impl Deformer {
     /// A vertex that is neither fixed nor drawn by a spring, a target that is not finite; nothing is moved then.
     pub fn set_targets(&mut self, targets: &[(u32, [f64; 3])]) -> Result<(), DeformError> {
         let name = &self.input.rest.name;
+        let plane = self.input.rest.points.first().filter(|_| self.settings.planar);
         for (v, target) in targets {
+            if plane.is_some_and(|p| (target[2] - p[2]).abs() > OFF_PLANE * size(&self.input.rest.points)) {
+                return Err(DeformError(format!(
+                    "{name}: the target of vertex {v} (0-based) is {target:?}; --planar needs it in the plane of the mesh"
+                )));
+            }
             if !target.iter().all(|t| t.is_finite()) {
                 return Err(DeformError(format!(
                     "{name}: the target of vertex {v} (0-based) is {target:?}; give finite numbers"
@@ -188,7 +194,7 @@ impl Deformer {
         Ok(frame)
     }
 
-    /// The present pose.
+    /// The pose that the last step with any time ended at; from where the next one goes on.
     pub fn positions(&self) -> Vec<[f64; 3]> {
         let positions = self.posed.positions();
         self.carrier.as_ref().map_or(positions.clone(), |carrier| self.surface(carrier, &positions, &mut Vec::new()))
@@ -295,4 +301,17 @@ fn build(input: &DeformInput, settings: &DeformSettings) -> Result<Built, Deform
             Ok((Some(carrier), posed, warnings))
         }
     }
+}
+
+/// A target of a planar body is this part of its size away from its plane, at most; what motions within the plane leave.
+const OFF_PLANE: f64 = 1e-9;
+
+/// The largest extent of points.
+fn size(points: &[[f64; 3]]) -> f64 {
+    let extent = |d: usize| {
+        let (low, high) =
+            points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p[d]), h.max(p[d])));
+        high - low
+    };
+    (0..3).map(extent).fold(0.0, f64::max)
 }

@@ -135,6 +135,8 @@ impl Posed {
         self.input.fixed.clone_from(&input.fixed);
         self.input.soft.clone_from(&input.soft);
         self.input.ties.clone_from(&input.ties);
+        // In a lattice, rows hold the targets of pinned vertices.
+        self.input.equalities.clone_from(&input.equalities);
         self.retargeted = true;
     }
 
@@ -194,7 +196,9 @@ impl Posed {
             return Ok(to);
         }
         if self.harmonic.is_none() {
-            self.harmonic = Some(self.body.harmonic(&self.input, &self.settings, &new)?);
+            // A component that nothing holds but an obstacle has no smooth way: what is free stays where it is.
+            let Ok(harmonic) = self.body.harmonic(&self.input, &self.settings, &new) else { return Ok(to) };
+            self.harmonic = Some(harmonic);
         }
         // A point is drawn on from where it is by what its target has moved.
         let mut targets = Vec::with_capacity(new.len());
@@ -224,8 +228,9 @@ impl Posed {
         match std::mem::replace(&mut self.running, Running::Nothing) {
             Running::Auto(auto) => {
                 let mut parts = auto.into_parts().ok_or_else(lost)?;
-                self.change(&mut parts.problem)?;
+                let changed = self.change(&mut parts.problem);
                 self.running = Running::Auto(Box::new(self.warm(parts, smooth)?));
+                changed?;
             }
             Running::Splitting(mut admm) => {
                 let mut changed = Ok(());
@@ -237,15 +242,17 @@ impl Posed {
             }
             Running::Other(method) => {
                 let mut problem = method.into_problem();
-                self.change(&mut problem)?;
+                let changed = self.change(&mut problem);
                 problem.x0 = smooth;
                 self.running = self.cold(problem)?;
+                changed?;
                 let start = self.start_gradient();
                 self.reference = self.reference.max(start);
             }
             Running::Fixed(mut problem) => {
-                self.change(&mut problem)?;
+                let changed = self.change(&mut problem);
                 self.running = Running::Fixed(problem);
+                changed?;
             }
             Running::Nothing => return Err(lost()),
         }
