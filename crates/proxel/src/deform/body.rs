@@ -63,7 +63,10 @@ impl Body {
             body.repaired.extend(planar::orient(&body.name, mesh, settings, &mut kinds)?);
         }
         sheet::check(&body.name, &mesh.points, settings, &kinds)?;
-        body.warnings.extend(sheet::repeated(&body.name, &kinds));
+        // Parts of a body that share a cell of a lattice may share its tetrahedra, each with its own fill.
+        if input.fill.is_none() {
+            body.warnings.extend(sheet::repeated(&body.name, &kinds));
+        }
         body.anchor(input, settings, &kinds)?;
         body.number(mesh.points.as_slice());
         let number = body.numbers();
