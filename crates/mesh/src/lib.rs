@@ -21,7 +21,7 @@ pub mod winding;
 pub use error::{ErrorKind, Item, MeshError, Result};
 pub use fields::{Field, Fields};
 pub use io::{
-    Format, Frame, atomic_write, check_output, check_series_output, check_writable, not_carried, parse_mesh, read_mesh,
-    read_mesh_lenient, read_points, write_mesh, write_series,
+    Format, Frame, MOST_GLTF_FRAMES, atomic_write, check_output, check_series_output, check_writable, not_carried,
+    parse_mesh, read_mesh, read_mesh_lenient, read_points, write_mesh, write_series,
 };
 pub use mesh::{Mesh, Polygons};

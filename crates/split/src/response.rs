@@ -17,8 +17,6 @@ pub struct Response {
     pub d: Vec<f64>,
     /// Norm of the force that it balances: the gradient at x, the motion included to first order.
     pub force: f64,
-    /// Solves with a factor, or products with the Hessian.
-    pub inner: usize,
 }
 
 /// The linear response of a minimum x to a displacement s of the fixed nodes,
@@ -51,7 +49,7 @@ pub fn respond(
     problem.energy(x, Some(&mut r));
     let farthest = moved.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     if farthest > 0.0 {
-        let t = NEARBY * size(x, problem.dim) / farthest;
+        let t = NEARBY * vector::extent(x, problem.dim) / farthest;
         let mut near = x.to_vec();
         vector::add_scaled(&mut near, t, moved);
         let mut g = vec![0.0; n];
@@ -66,14 +64,14 @@ pub fn respond(
     if hessian.is_factored() {
         hessian.solve(&mut r)?;
         r.iter_mut().for_each(|r| *r = -*r);
-        return Ok(vector::is_finite(&r).then_some(Response { d: r, force, inner: 1 }));
+        return Ok(vector::is_finite(&r).then_some(Response { d: r, force }));
     }
     let mut cg = Cg::default();
     let matrix = hessian.matrix();
     let report =
         cg.solve(&r, TOLERANCE, STEPS, |p, q| matrix.multiply(p, q).map_err(SystemError::from), |z| normal.solve(z))?;
     let sound = report.end != CgEnd::NegativeCurvature && vector::is_finite(&cg.d);
-    Ok(sound.then_some(Response { d: cg.d, force, inner: report.steps }))
+    Ok(sound.then_some(Response { d: cg.d, force }))
 }
 
 /// c (a - b)
@@ -82,17 +80,4 @@ fn vector_difference(a: &[f64], b: &[f64], c: f64) -> Vec<f64> {
     vector::subtract(&mut out, a, b);
     out.iter_mut().for_each(|v| *v *= c);
     out
-}
-
-/// The largest side of the box around flat positions.
-fn size(x: &[f64], dim: usize) -> f64 {
-    let mut low = [f64::INFINITY; 3];
-    let mut high = [f64::NEG_INFINITY; 3];
-    for p in x.chunks_exact(dim) {
-        for d in 0..dim {
-            low[d] = low[d].min(p[d]);
-            high[d] = high[d].max(p[d]);
-        }
-    }
-    (0..dim).map(|d| high[d] - low[d]).fold(f64::MIN_POSITIVE, f64::max)
 }

@@ -236,6 +236,16 @@ pub fn is_finite(a: &[f64]) -> bool {
     a.iter().all(|v| v.is_finite())
 }
 
+/// The largest side of the box around positions, `dim` numbers a node; at least the smallest normal number.
+pub fn extent(x: &[f64], dim: usize) -> f64 {
+    let side = |d: usize| {
+        let of_axis = x.iter().skip(d).step_by(dim);
+        let (low, high) = of_axis.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        high - low
+    };
+    (0..dim).map(side).fold(f64::MIN_POSITIVE, f64::max)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -9,7 +9,7 @@ use proxel::keyframes::{Animation, KeyframeFile};
 use proxel::report::{Report, Seconds, TraceRow};
 use proxel::settings::DeformSettings;
 use proxel::split::Status;
-use proxel_mesh::{Fields, Format, MeshError, check_series_output, write_series};
+use proxel_mesh::{Fields, Format, MOST_GLTF_FRAMES, MeshError, check_series_output, write_series};
 use serde::Serialize;
 
 use super::run::Inputs;
@@ -17,9 +17,6 @@ use crate::files::{Outputs, peak_bytes, write_text};
 use crate::interrupt::{CANCELLED, Interrupt};
 use crate::progress::Bar;
 use crate::refusal::Refusal;
-
-/// Frames that an animated glTF file can hold, as [`write_series`] has it.
-const MOST_GLTF_FRAMES: usize = 1000;
 
 /// Where an animation goes.
 pub struct Outlets {

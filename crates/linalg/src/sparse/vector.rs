@@ -46,6 +46,23 @@ pub struct Route {
     pub from: [u8; 16],
 }
 
+impl Route {
+    /// Lane by lane, for what has no instruction for it.
+    ///
+    /// # Safety
+    /// Two lines; `lanes`, and what they take, are lanes of theirs.
+    #[inline(always)]
+    pub(super) unsafe fn add<T: Scalar>(&self, line: *const T, lanes: u16, to: *mut T) {
+        let mut open = lanes;
+        while open != 0 {
+            let t = open.trailing_zeros() as usize;
+            // SAFETY: the caller's promise.
+            unsafe { *to.add(t) = T::sum(*to.add(t), *line.add(self.from[t] as usize)) };
+            open &= open - 1;
+        }
+    }
+}
+
 /// A computation over lines of T; `run` and all it calls in hot loops must be `#[inline(always)]`.
 pub trait Kernel<T> {
     type Output;
@@ -148,16 +165,10 @@ macro_rules! arrays {
             #[inline(always)]
             unsafe fn add_routed(self, routed: Route, lanes: u16, to: *mut $t) {
                 let mut line = Line::ZERO;
-                let mut open = lanes;
-                // SAFETY: lanes and what they take are less than LANES.
+                // SAFETY: a line; the rest is the caller's promise.
                 unsafe {
-                    let from: *mut $t = (&raw mut line).cast();
-                    self.store(from);
-                    while open != 0 {
-                        let t = open.trailing_zeros() as usize;
-                        *to.add(t) += *from.add(routed.from[t] as usize);
-                        open &= open - 1;
-                    }
+                    self.store((&raw mut line).cast());
+                    routed.add::<$t>((&raw const line).cast(), lanes, to);
                 }
             }
             #[inline(always)]

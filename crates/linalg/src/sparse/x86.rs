@@ -127,16 +127,10 @@ macro_rules! avx2 {
             #[inline(always)]
             unsafe fn add_routed(self, routed: Route, lanes: u16, to: *mut $t) {
                 let mut line = Line::ZERO;
-                let mut open = lanes;
-                // SAFETY: lanes and what they take are less than LANES.
+                // SAFETY: a line; the rest is the caller's promise.
                 unsafe {
-                    let from: *mut $t = (&raw mut line).cast();
-                    self.store(from);
-                    while open != 0 {
-                        let t = open.trailing_zeros() as usize;
-                        *to.add(t) += *from.add(routed.from[t] as usize);
-                        open &= open - 1;
-                    }
+                    self.store((&raw mut line).cast());
+                    routed.add::<$t>((&raw const line).cast(), lanes, to);
                 }
             }
             #[inline(always)]

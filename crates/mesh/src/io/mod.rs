@@ -31,6 +31,7 @@ use std::io;
 use std::path::Path;
 
 pub use atomic::{atomic_write, check_writable};
+pub use gltf::MOST_GLTF_FRAMES;
 pub use series::{Frame, check_series_output, write_series};
 
 use crate::error::{ErrorKind, Item, MeshError, Result};

@@ -7,7 +7,7 @@ use proxel_mesh::topology::boundary_surface;
 use proxel_model::obstacle::{HalfSpace, Obstacle};
 use proxel_model::points::{OfPoints, Points};
 use proxel_model::pressure::Pressure;
-use proxel_split::{Equalities, Equality, EqualityError, Problem, Term, VIOLATION};
+use proxel_split::{Equalities, Equality, EqualityError, Problem, Term, VIOLATION, vector};
 use std::sync::Arc;
 
 /// Squared weights of obstacles over the stiffness that a node has from its elements.
@@ -180,7 +180,7 @@ impl Around<'_> {
     ) -> Result<Box<dyn Term>, DeformError> {
         let plane = self.plane::<D>(k)?;
         self.check_plane(problem, k, &plane)?;
-        let size = size_of(&problem.x0, D);
+        let size = vector::extent(&problem.x0, D);
         let free = match &self.input.skin {
             Some(skin) => {
                 let free: Vec<u32> = skin.places().into_iter().filter(|v| self.is_free(*v, problem.n_free)).collect();
@@ -231,7 +231,7 @@ impl Around<'_> {
         k: usize,
         plane: &HalfSpace<D>,
     ) -> Result<(), DeformError> {
-        let size = size_of(&problem.x0, D);
+        let size = vector::extent(&problem.x0, D);
         let held: Vec<u32> = match &self.input.skin {
             Some(skin) => skin.places().into_iter().filter(|v| !self.is_free(*v, problem.n_free)).collect(),
             None => self.input.fixed.iter().map(|f| f.0).collect(),
@@ -284,18 +284,4 @@ fn shared(points: &Points, stiffness: &[f64]) -> impl Iterator<Item = f64> {
         }
         sum / free
     })
-}
-
-/// The largest side of the box around flat positions.
-fn size_of(x: &[f64], dim: usize) -> f64 {
-    (0..dim)
-        .map(|d| {
-            let (low, high) = x
-                .iter()
-                .skip(d)
-                .step_by(dim)
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-            high - low
-        })
-        .fold(f64::MIN_POSITIVE, f64::max)
 }

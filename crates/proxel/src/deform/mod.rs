@@ -4,6 +4,7 @@
 //! units and vertex order; inside, the mesh is moved to the origin and vertices are sorted, free ones first.
 
 mod body;
+mod check;
 mod constraints;
 mod elements;
 mod embedded;
@@ -117,11 +118,8 @@ pub fn deform(
 ) -> Result<Deformation, DeformError> {
     let began = Instant::now();
     settings.check().map_err(DeformError)?;
-    let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| DeformError(format!("{threads} threads cannot be started: {e}")))?;
+    let pool = pool(settings)?;
+    let threads = pool.current_num_threads();
     // The hooks stay on this thread's side of the pool: they are moved in and run there one at a time.
     pool.install(|| match Carrier::of(input, settings)? {
         Carrying::Body(carrier) => carrier.deform(input, settings, hooks, threads, began),
@@ -131,6 +129,15 @@ pub fn deform(
             Ok(result)
         }
     })
+}
+
+/// The threads that settings ask for.
+fn pool(settings: &DeformSettings) -> Result<rayon::ThreadPool, DeformError> {
+    let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| DeformError(format!("{threads} threads cannot be started: {e}")))
 }
 
 fn deform_here(

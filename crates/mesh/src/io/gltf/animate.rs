@@ -7,7 +7,7 @@ use serde_json::json;
 use std::io::{self, Write};
 
 /// With F frames the weights are F^2 numbers; beyond this many frames they would outweigh the mesh.
-const MOST_FRAMES: usize = 1000;
+pub const MOST_FRAMES: usize = 1000;
 
 /// Frames as they come; the first is the mesh itself, each later one a morph target. At the time of frame k the weight of
 /// its target is 1 and all others are 0, and between frames weights are linear in time, hence positions too.

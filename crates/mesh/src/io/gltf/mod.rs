@@ -12,6 +12,7 @@ mod tests;
 mod write;
 
 pub(crate) use animate::Animation;
+pub use animate::MOST_FRAMES as MOST_GLTF_FRAMES;
 pub(crate) use read::{parse, read};
 pub(crate) use write::{require_range, write};
 

@@ -6,7 +6,7 @@ mod lattice;
 
 pub use carried::Carried;
 
-use super::body::{check_size, check_vectors};
+use super::check::{check_size, check_vectors};
 use super::{DeformError, DeformInput, Deformation, Hooks, deform_here, group_sums};
 use crate::report::LatticeReport;
 use crate::settings::{DeformSettings, SurfaceModel};

@@ -3,13 +3,13 @@
 mod posed;
 mod stops;
 
-use super::body::check_vectors;
+use super::check::check_vectors;
 use super::embedded::Carrying;
 use super::{Carrier, DeformError, DeformInput, Hooks};
 use crate::pins::RigidMotion;
 use crate::settings::DeformSettings;
 use posed::Posed;
-use proxel_split::Status;
+use proxel_split::{Status, vector};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -85,11 +85,7 @@ impl Deformer {
     /// As [`super::deform`].
     pub fn new(input: &DeformInput, settings: &DeformSettings) -> Result<Self, DeformError> {
         settings.check().map_err(DeformError)?;
-        let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .map_err(|e| DeformError(format!("{threads} threads cannot be started: {e}")))?;
+        let pool = super::pool(settings)?;
         let (carrier, posed, warnings) = pool.install(|| build(input, settings))?;
         let home = DeformInput { fixed: input.fixed.clone(), soft: input.soft.clone(), ..DeformInput::default() };
         Ok(Deformer {
@@ -110,9 +106,11 @@ impl Deformer {
     /// A vertex that is neither fixed nor drawn by a spring, a target that is not finite; nothing is moved then.
     pub fn set_targets(&mut self, targets: &[(u32, [f64; 3])]) -> Result<(), DeformError> {
         let name = &self.input.rest.name;
-        let plane = self.input.rest.points.first().filter(|_| self.settings.planar);
+        let points = &self.input.rest.points;
+        let plane = points.first().filter(|_| self.settings.planar).map(|p| p[2]);
+        let off = plane.map_or(f64::INFINITY, |_| OFF_PLANE * vector::extent(points.as_flattened(), 3));
         for (v, target) in targets {
-            if plane.is_some_and(|p| (target[2] - p[2]).abs() > OFF_PLANE * size(&self.input.rest.points)) {
+            if plane.is_some_and(|z| (target[2] - z).abs() > off) {
                 return Err(DeformError(format!(
                     "{name}: the target of vertex {v} (0-based) is {target:?}; --planar needs it in the plane of the mesh"
                 )));
@@ -305,13 +303,3 @@ fn build(input: &DeformInput, settings: &DeformSettings) -> Result<Built, Deform
 
 /// A target of a planar body is this part of its size away from its plane, at most; what motions within the plane leave.
 const OFF_PLANE: f64 = 1e-9;
-
-/// The largest extent of points.
-fn size(points: &[[f64; 3]]) -> f64 {
-    let extent = |d: usize| {
-        let (low, high) =
-            points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p[d]), h.max(p[d])));
-        high - low
-    };
-    (0..3).map(extent).fold(0.0, f64::max)
-}
