@@ -73,6 +73,7 @@ pub fn iteration(model: &Model) -> Result<Admm, BenchError> {
         name: "wrapd".to_string(),
         global: Box::new(global),
         reweighting: Some(defaults.reweighting(true)),
+        renewed_at: None,
     };
     let mut method = Admm::new(problem(model)?, settings).map_err(BenchError::from_display)?;
     for _ in 0..WARM_UP {

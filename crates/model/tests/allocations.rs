@@ -51,7 +51,7 @@ fn steady_state_allocates_nothing() {
                 trigger: 1.0,
                 hardening: None,
             });
-            let settings = AdmmSettings { name: "test".to_string(), global, reweighting };
+            let settings = AdmmSettings { name: "test".to_string(), global, reweighting, renewed_at: None };
             let mut method = Admm::new(cantilever(polar), settings).expect("a pinned beam");
             let mut refactored = 0;
             let mut step = || {

@@ -46,7 +46,7 @@ where
 }
 
 fn admm(problem: Problem, global: impl GlobalStep + 'static, reweighting: Option<Reweighting>) -> Admm {
-    Admm::new(problem, AdmmSettings { name: "test".to_string(), global: Box::new(global), reweighting })
+    Admm::new(problem, AdmmSettings { name: "test".to_string(), global: Box::new(global), reweighting, renewed_at: None })
         .expect("a pinned beam")
 }
 

@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // R-ADMM: polar coupling, L-BFGS as the global step, weights that stay.
     let global = Box::new(Lbfgs::new(LbfgsSettings::default()));
-    let settings = AdmmSettings { name: "r-admm".to_owned(), global, reweighting: None };
+    let settings = AdmmSettings { name: "r-admm".to_owned(), global, reweighting: None, renewed_at: None };
     let mut method = Admm::new(problem, settings)?;
     let mut tolerance = GradientTolerance::new(1e-9, &mut method);
     let outcome = run(&mut method, &mut [&mut tolerance, &mut IterationLimit(2000)], &mut Printer);

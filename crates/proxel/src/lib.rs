@@ -11,6 +11,7 @@ pub mod preview;
 pub mod report;
 pub mod samples;
 pub mod settings;
+pub mod unwrap;
 
 pub use proxel_linalg as linalg;
 pub use proxel_mesh as mesh;

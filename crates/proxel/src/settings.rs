@@ -3,10 +3,12 @@
 mod method;
 mod newton;
 mod rivals;
+mod unwrap;
 
 pub use method::MethodName;
 pub use newton::{NewtonSettings, ProjectionName};
 pub use rivals::{AndersonWindows, QuasiNewton};
+pub use unwrap::{MapSplitting, UnwrapMethod, UnwrapSettings};
 
 use proxel_model::energy::{Lame, Limited, MaterialError};
 use proxel_split::{Hardening, InnerStop, LbfgsSettings, Precision, Range, Reweighting};

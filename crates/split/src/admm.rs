@@ -21,6 +21,10 @@ pub struct AdmmSettings {
     pub global: Box<dyn GlobalStep>,
     /// Whether and how the weights follow the stiffness.
     pub reweighting: Option<Reweighting>,
+    /// Before this iteration, counted from 0, the local variables and duals begin again: z = c(Dx), u = 0. Where the first
+    /// iteration moves everything, as that of a map from a circle does, its duals say nothing about the rest; the
+    /// authors' code for parameterization does so before the second.
+    pub renewed_at: Option<usize>,
 }
 
 /// What an iteration hands to the next.
@@ -120,6 +124,12 @@ impl Admm {
     pub(crate) fn local_half(&mut self) -> LocalReport {
         self.evaluation = None;
         self.energy = None;
+        if self.settings.renewed_at == Some(self.iteration) {
+            for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
+                term.couple(&self.x, p);
+                u.fill(0.0);
+            }
+        }
         self.problem.local_step(&self.x, &mut self.p, &mut self.u, &mut self.grad)
     }
 

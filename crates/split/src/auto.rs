@@ -10,7 +10,9 @@ use crate::{
 pub struct AutoSettings {
     /// Newton's; its solver is chosen by [`solver_for`].
     pub newton: NewtonSettings,
-    /// Newton follows when the splitting gains less than this part of all it has gained, in the time of a Newton iteration.
+    /// Newton follows as soon as nothing is inverted, whatever the splitting gains.
+    pub eager: bool,
+    /// Otherwise it follows when the splitting gains less than this part of all it has gained, in the time of a Newton iteration.
     pub gain: f64,
     /// Iterations over which that is averaged.
     pub window: usize,
@@ -269,7 +271,7 @@ impl Auto {
     /// After an iteration of the splitting: whether Newton is to follow.
     fn is_time(&mut self) -> bool {
         let energy = self.energy();
-        let small = self.gains.are_small(energy.value, self.price, &self.settings);
+        let small = self.settings.eager || self.gains.are_small(energy.value, self.price, &self.settings);
         let fair = energy.inverted == 0 || !self.problem().barrier;
         self.iteration >= self.until
             && ((small && fair) || self.iteration - self.begun.max(self.until) >= self.settings.longest)
@@ -381,8 +383,11 @@ mod tests {
             warp: true,
             max_inner: 10,
             memory: 1e9,
+            proximal: 0.0,
+            shift: 0.0,
+            guarded: false,
         };
-        AutoSettings { newton, gain: 0.1, window: 2, longest: 50, retreat: 4 }
+        AutoSettings { newton, eager: false, gain: 0.1, window: 2, longest: 50, retreat: 4 }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use proxel_linalg::sparse::SymPattern;
 
-/// What is done to the Hessian of an element before it is added to the others.
+/// What stands in for the Hessian of an element: itself, made positive semidefinite, or a simpler matrix that is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Projection {
     /// Nothing: the true Hessian.
@@ -12,6 +12,12 @@ pub enum Projection {
     Clamp,
     /// Negative eigenvalues become positive (Chen et al. 2024).
     Absolute,
+    /// The proxy of scalable locally injective mappings (Rabinovich et al. 2017), |W dF|^2 with W = U diag(w) U^T and
+    /// w_i^2 = psi_i / (s_i - 1): reweighted least squares.
+    Reweighted,
+    /// The Killing energy |grad v + (grad v)^T|^2 of a step v on the deformed element (Claici et al. 2017), scaled such that
+    /// at rest it is the Hessian of an energy without volume term.
+    Killing,
 }
 
 /// The second derivatives of a [`crate::Term`]'s energy E = sum g(c(Dx)), which does not depend on the coupling.

@@ -12,9 +12,12 @@ pub enum Range {
         /// beta_max
         max: f64,
     },
-    /// [1, min(first growth^k, cap)], W(24): 10, 1.5, 1e9; static in iteration 0.
+    /// Static before iteration `from`, then [1, min(first growth^(k - from), cap)], W(24): 10, 1.5, 1e9, from 0. The first
+    /// iterations of a map move everything, and what is stiff in them says little about the rest.
     Growing {
-        /// beta_max at k = 0
+        /// First iteration that may reweight.
+        from: usize,
+        /// beta_max there
         first: f64,
         /// Factor an iteration
         growth: f64,
@@ -28,7 +31,9 @@ impl Range {
     pub fn at(&self, k: usize) -> Option<(f64, f64)> {
         match *self {
             Range::Late { from, min, max } => (k >= from).then_some((min, max)),
-            Range::Growing { first, growth, cap } => (k > 0).then(|| (1.0, (first * growth.powf(k as f64)).min(cap))),
+            Range::Growing { from, first, growth, cap } => {
+                (k >= from).then(|| (1.0, (first * growth.powf((k - from) as f64)).min(cap)))
+            }
         }
     }
 }
@@ -103,7 +108,7 @@ impl Reweighting {
 
     /// Parameterization, W section 6.2.
     pub fn parameterization() -> Self {
-        Reweighting { range: Range::Growing { first: 10.0, growth: 1.5, cap: 1e9 }, trigger: 1.5, hardening: None }
+        Reweighting { range: Range::Growing { from: 1, first: 15.0, growth: 1.5, cap: 1e9 }, trigger: 1.5, hardening: None }
     }
 }
 

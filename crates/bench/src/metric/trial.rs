@@ -141,6 +141,7 @@ impl Trial {
             name: "metric".to_string(),
             global,
             reweighting: attempt.reweighting.map(|(_, reweighting)| reweighting),
+            renewed_at: None,
         };
         let mut method = Admm::new(problem, settings).map_err(BenchError::from_display)?;
         let mut counter = Counter { trial: self, now: Count::default(), close: None };

@@ -90,6 +90,15 @@ impl BlockMatrix {
         }
     }
 
+    /// Calls `visit` with every entry of the diagonal, vertex by vertex.
+    pub fn for_each_diagonal(&mut self, mut visit: impl FnMut(&mut f64)) {
+        for slot in &self.diagonal {
+            for r in 0..self.dim {
+                visit(&mut self.values[slot * self.dim * self.dim + r * (self.dim + 1)]);
+            }
+        }
+    }
+
     /// Adds `values[slot]` times the identity to each block.
     ///
     /// # Errors

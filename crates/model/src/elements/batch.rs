@@ -40,12 +40,25 @@ pub struct Stiffness {
     pub mean: f64,
 }
 
+/// Triangles with rest shapes of their own, see [`Rest::of_shapes`].
+#[derive(Clone, Copy)]
+pub struct Flattened<'a> {
+    /// Edges from corner 0, as columns, of each triangle.
+    pub shapes: &'a [[[f64; 2]; 2]],
+    /// Where each is.
+    pub centers: &'a [[f64; 3]],
+    /// How many nodes there are.
+    pub n_nodes: usize,
+}
+
 /// What a batch is made of.
 pub struct Batch<'a> {
     /// Its elements.
     pub shape: BatchShape,
     /// Rest positions, flat, as many numbers a node as the shape has dimensions.
     pub positions: &'a [f64],
+    /// Planar triangles that do not fit each other at rest, in the place of `positions`.
+    pub flattened: Option<Flattened<'a>>,
     /// Nodes, flat.
     pub elements: &'a [u32],
     /// The part of each element that is material, see [`Rest::filled`]; everything without it.
@@ -104,7 +117,13 @@ pub fn batch(of: &Batch<'_>) -> Result<(Box<dyn Term>, bool), BatchError> {
     match of.shape {
         BatchShape::Tetrahedra => of.build::<3, 3>(visit_3d(of.energy, of.lame, Erase)?),
         BatchShape::Triangles => of.build::<3, 2>(visit_2d(of.energy, of.lame, Erase)?),
-        BatchShape::PlanarTriangles => of.build::<2, 2>(visit_2d(of.energy, of.lame, Erase)?),
+        BatchShape::PlanarTriangles => match of.flattened {
+            None => of.build::<2, 2>(visit_2d(of.energy, of.lame, Erase)?),
+            Some(Flattened { shapes, centers, n_nodes }) => {
+                let rest = Rest::<2, 2>::of_shapes(shapes, centers, of.elements, n_nodes)?;
+                of.build_on(rest, visit_2d(of.energy, of.lame, Erase)?)
+            }
+        },
         BatchShape::Springs => of.build::<3, 1>(visit_1d(of.energy, of.lame, Erase)?),
         BatchShape::PlanarSprings => of.build::<2, 1>(visit_1d(of.energy, of.lame, Erase)?),
     }
@@ -130,7 +149,19 @@ impl Batch<'_> {
         Linear: Coupling<D, K>,
         Polar: Coupling<D, K>,
     {
-        let mut rest = Rest::<D, K>::new(self.positions, self.elements)?;
+        self.build_on(Rest::<D, K>::new(self.positions, self.elements)?, energy)
+    }
+
+    fn build_on<const D: usize, const K: usize>(
+        &self,
+        mut rest: Rest<D, K>,
+        energy: Arc<dyn Density<K>>,
+    ) -> Result<(Box<dyn Term>, bool), BatchError>
+    where
+        Simplex: Shape<D, K>,
+        Linear: Coupling<D, K>,
+        Polar: Coupling<D, K>,
+    {
         if let Some(fill) = self.fill {
             rest = rest.filled(|e| fill.get(e).copied().unwrap_or(1.0))?;
         }

@@ -19,7 +19,7 @@ mod stretch_hessian;
 #[cfg(test)]
 mod tests;
 
-pub use batch::{Batch, BatchError, BatchShape, BatchWeights, Stiffness, batch};
+pub use batch::{Batch, BatchError, BatchShape, BatchWeights, Flattened, Stiffness, batch};
 pub use chunks::morton;
 pub use coupling::{Coupling, Linear, Polar};
 pub use density::{Density, ProxSums};

@@ -87,17 +87,69 @@ impl<const D: usize, const K: usize> Rest<D, K> {
                 }
             }
             let (inverse, determinant) = invert(&reduce(&edges));
-            let factorial = [1.0, 1.0, 2.0, 6.0][K];
-            let measure = determinant / factorial;
-            let finite = inverse.iter().flatten().all(|v| v.is_finite());
-            if !(measure > 0.0 && measure.is_finite() && finite) {
-                return Err(ElementError::Measure { element, measure });
-            }
-            rest.inverse.push(inverse);
-            rest.measure.push(measure);
-            rest.keys.push(morton(center, low, size));
+            rest.push(element, inverse, determinant, morton(center, low, size))?;
         }
         Ok(rest)
+    }
+
+    /// From a rest shape for each element, whose columns are its edges from corner 0 in a frame of its own: elements need not
+    /// fit each other at rest, as the triangles of a surface that is to be flattened. `centers` are where elements are at
+    /// rest; they only say which are near each other.
+    ///
+    /// # Errors
+    /// An element whose measure is not positive, or that names a node past the end.
+    pub fn of_shapes(
+        shapes: &[[[f64; K]; K]],
+        centers: &[[f64; 3]],
+        elements: &[u32],
+        n_nodes: usize,
+    ) -> Result<Self, ElementError> {
+        let n = shapes.len();
+        let mut rest = Rest {
+            positions: Vec::new(),
+            elements: elements.to_vec(),
+            inverse: Vec::with_capacity(n),
+            measure: Vec::with_capacity(n),
+            keys: Vec::with_capacity(n),
+        };
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for d in 0..3 {
+            for center in centers {
+                low[d] = low[d].min(center[d]);
+                high[d] = high[d].max(center[d]);
+            }
+        }
+        let size = (0..3).map(|d| high[d] - low[d]).fold(0.0, f64::max);
+        for (element, nodes) in elements.chunks_exact(K + 1).enumerate() {
+            if let Some(node) = nodes.iter().find(|node| **node as usize >= n_nodes) {
+                return Err(ElementError::Index { element, node: *node });
+            }
+            let (Some(shape), Some(center)) = (shapes.get(element), centers.get(element)) else {
+                return Err(ElementError::Measure { element, measure: f64::NAN });
+            };
+            let (inverse, determinant) = invert(shape);
+            rest.push(element, inverse, determinant, morton(*center, low, size))?;
+        }
+        Ok(rest)
+    }
+
+    fn push(
+        &mut self,
+        element: usize,
+        inverse: [[f64; K]; K],
+        determinant: f64,
+        key: u64,
+    ) -> Result<(), ElementError> {
+        let factorial = [1.0, 1.0, 2.0, 6.0][K];
+        let measure = determinant / factorial;
+        let finite = inverse.iter().flatten().all(|v| v.is_finite());
+        if !(measure > 0.0 && measure.is_finite() && finite) {
+            return Err(ElementError::Measure { element, measure });
+        }
+        self.inverse.push(inverse);
+        self.measure.push(measure);
+        self.keys.push(key);
+        Ok(())
     }
 
     /// Elements of which only a part is material: energy, weights and forces of element e are `part(e)` times what they

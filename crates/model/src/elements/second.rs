@@ -5,7 +5,7 @@ use super::matrix::times_frame;
 use super::pairs::corner_pairs;
 use super::passes::{Chunk, GROUP, Shared};
 use super::shape::{Decomposed, Shape, Simplex, block, block_mut};
-use super::stretch_hessian::{curvatures, place_of_entry, place_of_normal, place_of_pair};
+use super::stretch_hessian::{MOST_CURVATURES, curvatures, place_of_entry, place_of_normal, place_of_pair};
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real};
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ use std::ops::Range;
 pub(super) struct Second {
     pub stretches: [f64; GROUP * LANES * 3],
     pub at: [f64; GROUP * LANES * KEPT],
-    pub curvature: [f64; GROUP * LANES * 15],
+    pub curvature: [f64; GROUP * LANES * MOST_CURVATURES],
 }
 
 impl Second {
@@ -21,7 +21,7 @@ impl Second {
         Second {
             stretches: [0.0; GROUP * LANES * 3],
             at: [0.0; GROUP * LANES * KEPT],
-            curvature: [0.0; GROUP * LANES * 15],
+            curvature: [0.0; GROUP * LANES * MOST_CURVATURES],
         }
     }
 }
@@ -55,10 +55,10 @@ where
 
 /// The curvature of an element, as [`super::stretch_hessian`] lays it out, in a form that is ready for products.
 struct Modes<I: Isa, const K: usize> {
-    entries: [[F8<I>; K]; K], // psi_ij
-    same: [[F8<I>; K]; K],    // (minus + plus) / 2: d h_ij of h_ij
-    other: [[F8<I>; K]; K],   // (minus - plus) / 2: d h_ij of h_ji
-    normal: [F8<I>; K],       // psi_i / s_i
+    entries: [[F8<I>; K]; K], // of h_ii and h_jj
+    same: [[F8<I>; K]; K],    // of h_ij and h_ij
+    other: [[F8<I>; K]; K],   // of h_ij and h_ji
+    normal: [F8<I>; K],       // of h_ni and h_ni
 }
 
 impl<I: Isa, const K: usize> Modes<I, K> {
@@ -73,11 +73,10 @@ impl<I: Isa, const K: usize> Modes<I, K> {
                 m.entries[j][i] = m.entries[i][j];
             }
             for j in i + 1..K {
-                let minus = F8::<I>::load_at(from, place_of_pair(K, i, j));
-                let plus = F8::<I>::load_at(from, place_of_pair(K, i, j) + K * (K - 1) / 2);
-                m.same[i][j] = (minus + plus) * 0.5;
-                m.same[j][i] = m.same[i][j];
-                m.other[i][j] = (minus - plus) * 0.5;
+                let (at, pairs) = (place_of_pair(K, i, j), K * (K - 1) / 2);
+                m.same[i][j] = F8::load_at(from, at);
+                m.same[j][i] = F8::load_at(from, at + pairs);
+                m.other[i][j] = F8::load_at(from, at + 2 * pairs);
                 m.other[j][i] = m.other[i][j];
             }
         }

@@ -7,22 +7,26 @@ use proxel_split::Projection;
 
 /// Numbers of a [`stretch_hessian`] of K stretches.
 pub const fn curvatures(k: usize) -> usize {
-    k * (k + 1) / 2 + k * (k - 1) + k
+    k * (k + 1) / 2 + k * (k - 1) + k * (k - 1) / 2 + k
 }
+
+/// Of three stretches: the most.
+pub const MOST_CURVATURES: usize = curvatures(3);
 
 /// Where psi_ij, i <= j, lies.
 pub(super) const fn place_of_entry(k: usize, i: usize, j: usize) -> usize {
     i * k - i * (i + 1) / 2 + j
 }
 
-/// Where the quotient (psi_i - psi_j) / (s_i - s_j), i < j, lies; that of the sums lies K (K - 1) / 2 after it.
+/// Where the coefficient of h_ij^2, i < j, lies; that of h_ji^2 lies K (K - 1) / 2 after it, and that of h_ij h_ji as far
+/// after that.
 pub(super) const fn place_of_pair(k: usize, i: usize, j: usize) -> usize {
     k * (k + 1) / 2 + i * k - (i + 1) * (i + 2) / 2 + j
 }
 
 /// Where psi_i / s_i lies.
 pub(super) const fn place_of_normal(k: usize, i: usize) -> usize {
-    k * (k + 1) / 2 + k * (k - 1) + i
+    k * (k + 1) / 2 + k * (k - 1) + k * (k - 1) / 2 + i
 }
 
 /// No quotient is larger than this many times the Hessian in the stretches: one that is stems from a kink, where two
@@ -37,40 +41,125 @@ const KINK: f64 = 1e4;
 /// ```
 ///
 /// with minus_ij = (psi_i - psi_j) / (s_i - s_j), plus_ij = (psi_i + psi_j) / (s_i + s_j) and n over the normals of an
-/// element of lower dimension (Smith, de Goes and Kim 2019). Returned are psi_ij by rows for i <= j, minus, plus, and
-/// psi_i / s_i, all of them projected: the matrix psi_ij by its eigenvalues, the others are eigenvalues.
-/// The first [`curvatures`] entries are used.
+/// element of lower dimension (Smith, de Goes and Kim 2019). Projected are the matrix psi_ij by its eigenvalues and the
+/// others, which are eigenvalues. What stands in for it has the form
+///
+/// ```text
+/// sum_ij a_ij h_ii h_jj + sum_(i<j) [ b_ij h_ij^2 + b_ji h_ji^2 + 2 c_ij h_ij h_ji ] + sum_ni d_i h_ni^2
+/// ```
+///
+/// Returned are a by rows for i <= j, b_ij for i < j, b_ji for i < j, c and d. The first [`curvatures`] entries are used.
 #[inline(always)]
 pub(super) fn stretch_hessian<T: Real, E: Energy<K>, const K: usize>(
     energy: &E,
     s: [T; K],
     projection: Projection,
-) -> [T; 15] {
-    let mut out = [T::zero(); 15];
-    let mut h = energy.hessian(s);
+) -> [T; MOST_CURVATURES] {
+    match projection {
+        Projection::None | Projection::Clamp | Projection::Absolute => projected(energy, s, projection),
+        Projection::Reweighted => reweighted(energy, s),
+        Projection::Killing => killing(energy, s),
+    }
+}
+
+/// The largest entry of the Hessian in the stretches.
+#[inline(always)]
+fn size_of<T: Real, const K: usize>(h: &[[T; K]; K]) -> T {
     let mut size = T::zero();
     for i in 0..K {
         for j in 0..K {
             size = size.max(h[i][j].abs());
         }
     }
+    size
+}
+
+/// The Hessian itself.
+#[inline(always)]
+fn projected<T: Real, E: Energy<K>, const K: usize>(
+    energy: &E,
+    s: [T; K],
+    projection: Projection,
+) -> [T; MOST_CURVATURES] {
+    let mut out = [T::zero(); MOST_CURVATURES];
+    let mut h = energy.hessian(s);
+    let bound = size_of(&h) * KINK;
     if projection != Projection::None {
         project_matrix(&mut h, projection);
     }
     let quotients = energy.divided_differences(s);
     let gradient = energy.gradient(s);
     let pairs = K * (K - 1) / 2;
-    let bound = size * KINK;
     for i in 0..K {
         for j in i..K {
             out[place_of_entry(K, i, j)] = h[i][j];
         }
         for j in i + 1..K {
             let at = place_of_pair(K, i, j);
-            out[at] = project(quotients.minus[i][j], bound, projection);
-            out[at + pairs] = project(quotients.plus[i][j], bound, projection);
+            let minus = project(quotients.minus[i][j], bound, projection);
+            let plus = project(quotients.plus[i][j], bound, projection);
+            let same = (minus + plus) * 0.5;
+            out[at] = same;
+            out[at + pairs] = same;
+            out[at + 2 * pairs] = (minus - plus) * 0.5;
         }
         out[place_of_normal(K, i)] = project(gradient[i] / s[i], bound, projection);
+    }
+    out
+}
+
+/// A stretch this close to 1 has its limit, psi_ii, for psi_i / (s_i - 1).
+const AT_REST: f64 = 1e-6;
+
+/// sum_ij w_i^2 h_ij^2: a row of h for each direction of U.
+#[inline(always)]
+fn reweighted<T: Real, E: Energy<K>, const K: usize>(energy: &E, s: [T; K]) -> [T; MOST_CURVATURES] {
+    let mut out = [T::zero(); MOST_CURVATURES];
+    let h = energy.hessian(s);
+    let bound = size_of(&h) * KINK;
+    let gradient = energy.gradient(s);
+    let pairs = K * (K - 1) / 2;
+    let mut w2 = [T::zero(); K];
+    for i in 0..K {
+        let strain = s[i] - 1.0;
+        let near = strain.abs().le(T::splat(AT_REST));
+        w2[i] = project(T::select(near, h[i][i], gradient[i] / strain), bound, Projection::Clamp);
+    }
+    for i in 0..K {
+        out[place_of_entry(K, i, i)] = w2[i];
+        for j in i + 1..K {
+            let at = place_of_pair(K, i, j);
+            out[at] = w2[i];
+            out[at + pairs] = w2[j];
+        }
+        out[place_of_normal(K, i)] = project(gradient[i] / s[i], bound, Projection::Clamp);
+    }
+    out
+}
+
+/// k/2 J |G + G^T|^2 / 2 with G = dF F^-1 = U h S^-1 U^T, J = |s_1 .. s_K| and k the stiffness at rest: the integral over the
+/// deformed element.
+#[inline(always)]
+fn killing<T: Real, E: Energy<K>, const K: usize>(energy: &E, s: [T; K]) -> [T; MOST_CURVATURES] {
+    let mut out = [T::zero(); MOST_CURVATURES];
+    let gradient = energy.gradient(s);
+    let pairs = K * (K - 1) / 2;
+    let mut scale = T::splat(energy.rest_stiffness());
+    for i in 0..K {
+        scale = scale * s[i].abs();
+    }
+    // Of an element that has lost its extent the Killing energy has no finite form.
+    let bound = T::splat(energy.rest_stiffness() * KINK);
+    for i in 0..K {
+        out[place_of_entry(K, i, i)] = project(scale / (s[i] * s[i]), bound, Projection::Clamp);
+        for j in i + 1..K {
+            let at = place_of_pair(K, i, j);
+            out[at] = project(scale * 0.5 / (s[j] * s[j]), bound, Projection::Clamp);
+            out[at + pairs] = project(scale * 0.5 / (s[i] * s[i]), bound, Projection::Clamp);
+            let other = scale * 0.5 / (s[i] * s[j]);
+            out[at + 2 * pairs] = T::select(other.abs().le(bound), other, T::zero());
+        }
+        out[place_of_normal(K, i)] = project(gradient[i] / s[i], bound, Projection::Clamp);
     }
     out
 }
@@ -82,8 +171,8 @@ fn project<T: Real>(v: T, bound: T, projection: Projection) -> T {
     let v = T::select(v.abs().le(bound), v, kink);
     match projection {
         Projection::None => v,
-        Projection::Clamp => v.max(T::zero()),
         Projection::Absolute => v.abs(),
+        Projection::Clamp | Projection::Reweighted | Projection::Killing => v.max(T::zero()),
     }
 }
 
@@ -117,7 +206,7 @@ fn project_matrix<T: Real, const K: usize>(h: &mut [[T; K]; K], projection: Proj
         }
     }
     for i in 0..K {
-        l[i] = if projection == Projection::Clamp { l[i].max(T::zero()) } else { l[i].abs() };
+        l[i] = if projection == Projection::Absolute { l[i].abs() } else { l[i].max(T::zero()) };
     }
     for i in 0..K {
         for j in i..K {
@@ -145,6 +234,7 @@ mod tests {
                 for j in i + 1..k {
                     places.push(place_of_pair(k, i, j));
                     places.push(place_of_pair(k, i, j) + k * (k - 1) / 2);
+                    places.push(place_of_pair(k, i, j) + k * (k - 1));
                 }
             }
             places.sort_unstable();

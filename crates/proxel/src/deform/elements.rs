@@ -184,7 +184,8 @@ pub(super) fn build(
     let (term, barrier) = batch(&Batch {
         shape: cells.shape(settings.planar),
         positions: x,
-        elements: &elements,
+        flattened: None,
+elements: &elements,
         fill: fill.as_deref(),
         energy: &material.energy,
         lame: &lame,

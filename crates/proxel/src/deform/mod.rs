@@ -320,7 +320,7 @@ fn splitting(problem: Problem, settings: &DeformSettings) -> Result<Admm, System
         false => Box::new(Direct),
     };
     let reweighting = name.is_reweighted().then(|| settings.admm.reweighting(name.is_rotation_aware()));
-    Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting })
+    Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting, renewed_at: None })
 }
 
 /// Whether the method can hold what the problem asks to be held.

@@ -51,7 +51,8 @@ impl Harmonic {
             let of = Batch {
                 shape: cells.shape(dim == 2),
                 positions: rest,
-                elements: corners.corners(),
+                flattened: None,
+elements: corners.corners(),
                 fill: None,
                 energy: "arap",
                 lame: &lame,

@@ -81,6 +81,9 @@ impl NewtonSettings {
             warp: self.warp,
             max_inner: self.max_inner,
             memory: self.memory,
+            proximal: 0.0,
+            shift: 0.0,
+            guarded: false,
         }
     }
 
@@ -88,6 +91,7 @@ impl NewtonSettings {
     pub fn auto(&self) -> AutoSettings {
         AutoSettings {
             newton: self.of(MethodName::Auto),
+            eager: false,
             gain: self.gain,
             window: self.window,
             longest: self.longest,

@@ -11,6 +11,7 @@ pub struct Hessian {
     form: Vec<f64>,       // of the quadratic form and of springs at points, slot by slot; empty where there is none
     symbolic: Option<Arc<Symbolic>>, // of the factor
     factor: Option<Cholesky<f32>>,
+    diagonal: Vec<f64>, // as it was before a shift
     assembled: bool,
     factored: bool, // the last attempt to factor was a success
     scratch: SolveScratch,
@@ -92,6 +93,7 @@ impl Hessian {
             form,
             symbolic: None,
             factor: None,
+            diagonal: Vec::new(),
             assembled: false,
             factored: false,
             scratch: SolveScratch::default(),
@@ -141,11 +143,35 @@ impl Hessian {
         &self.matrix
     }
 
-    /// Factors it in f32; false where it is not positive definite to that precision.
+    /// Adds `value` to every entry of the diagonal, until it is assembled anew.
+    pub fn add_to_diagonal(&mut self, value: f64) {
+        if value != 0.0 {
+            for i in 0..self.matrix.n() / self.matrix.dim() {
+                self.matrix.add_to_diagonal(i, value);
+            }
+        }
+    }
+
+    /// Factors it in f32, with `shift` times its mean diagonal added to the diagonal; false where that is not positive
+    /// definite to that precision.
     ///
     /// # Errors
     /// Entries that are not finite.
-    pub fn factor(&mut self, normal: &NormalMatrix) -> Result<bool, SystemError> {
+    pub fn factor(&mut self, normal: &NormalMatrix, shift: f64) -> Result<bool, SystemError> {
+        if shift == 0.0 {
+            return self.factor_as_it_is(normal);
+        }
+        self.diagonal.clear();
+        self.matrix.for_each_diagonal(|v| self.diagonal.push(*v));
+        let shift = shift * self.diagonal.iter().map(|v| v.abs()).sum::<f64>() / self.diagonal.len().max(1) as f64;
+        self.matrix.for_each_diagonal(|v| *v += shift);
+        let result = self.factor_as_it_is(normal);
+        let mut before = self.diagonal.iter();
+        self.matrix.for_each_diagonal(|v| *v = before.next().copied().unwrap_or(*v));
+        result
+    }
+
+    fn factor_as_it_is(&mut self, normal: &NormalMatrix) -> Result<bool, SystemError> {
         let factor = match &mut self.factor {
             Some(factor) => factor,
             none => {

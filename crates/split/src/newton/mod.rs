@@ -9,7 +9,7 @@ pub use hessian::{FactorCost, Hessian};
 pub use search::{Found, Search};
 
 use crate::{
-    EnergyReport, Evaluation, LocalReport, Method, NormalMatrix, Problem, Projection, StepReport, SystemError, vector,
+    EnergyReport, Evaluation, InversionGuard, LocalReport, Method, NormalMatrix, Problem, Projection, StepReport, SystemError, vector,
 };
 
 /// How a Newton system is solved.
@@ -51,7 +51,17 @@ pub struct NewtonSettings {
     pub max_inner: usize,
     /// Bytes that a factor of the Hessian may take.
     pub memory: f64,
+    /// Added to the diagonal of the Hessian: the weight of a proximal term |x - x_k|^2 / 2.
+    pub proximal: f64,
+    /// Part of the mean diagonal that is added where the Hessian is factored, and only there: what keeps a motion that
+    /// costs nothing, as a rotation of the whole, from spoiling the factor.
+    pub shift: f64,
+    /// Whether no step is longer than the part [`FEASIBLE`] of what inverts the first element.
+    pub guarded: bool,
 }
+
+/// Part of the longest step without an inverted element that is tried first (Smith and Schaefer 2015).
+pub const FEASIBLE: f64 = 0.8;
 
 /// A relative change of the energy that may be rounding.
 const ROUNDING: f64 = 1e-12;
@@ -64,6 +74,7 @@ pub struct Newton {
     hessian: Hessian,
     cg: Cg,
     search: Search,
+    guard: Option<InversionGuard>,
     x: Vec<f64>,
     grad: Vec<f64>,
     new_grad: Vec<f64>,
@@ -123,6 +134,7 @@ impl Newton {
     ) -> Self {
         let n = problem.n_free * problem.dim;
         Newton {
+            guard: settings.guarded.then(|| InversionGuard::new(&problem)),
             settings,
             problem,
             normal,
@@ -198,7 +210,7 @@ impl Newton {
         let tolerance = (0.1 * fall * fall).clamp(1e-6, 1e-2);
         let is_tried = self.is_old_factor_good();
         if is_tried {
-            self.hessian.assemble(&mut self.problem, &self.x, Projection::None)?;
+            self.assemble(Projection::None)?;
             let report = self.preconditioned(tolerance, WITH_OLD_FACTOR)?;
             if report.end == CgEnd::Solved || (report.end == CgEnd::Limit && report.residual <= USEFUL) {
                 return Ok(report);
@@ -206,10 +218,10 @@ impl Newton {
         }
         for projection in self.projections().into_iter().flatten() {
             if !(is_tried && projection == Projection::None) {
-                self.hessian.assemble(&mut self.problem, &self.x, projection)?;
+                self.assemble(projection)?;
             }
             self.factorisations += 1;
-            if !self.hessian.factor(&self.normal)? {
+            if !self.hessian.factor(&self.normal, self.settings.shift)? {
                 self.delay(projection);
                 continue;
             }
@@ -225,6 +237,27 @@ impl Newton {
         }
         // Not even absolute eigenvalues can be factored in f32: the normal matrix can.
         self.by_gradients()
+    }
+
+    fn assemble(&mut self, projection: Projection) -> Result<(), SystemError> {
+        self.hessian.assemble(&mut self.problem, &self.x, projection)?;
+        self.hessian.add_to_diagonal(self.settings.proximal);
+        Ok(())
+    }
+
+    /// The longest step along d to begin a search with.
+    fn first_step(&mut self) -> f64 {
+        let Some(guard) = &mut self.guard else { return 1.0 };
+        let Some(Evaluation { energy, .. }) = self.evaluation else { return 1.0 };
+        if energy.inverted == 0 {
+            guard.arm(&self.x);
+        }
+        if !guard.is_armed() {
+            return 1.0;
+        }
+        self.new_grad.clear();
+        self.new_grad.extend(self.cg.d.iter().map(|d| -d));
+        (FEASIBLE * guard.limit(&self.x, &self.new_grad, 1.0 / FEASIBLE)).min(1.0)
     }
 
     /// Conjugate gradients on the assembled Hessian, preconditioned with the factor as it is.
@@ -273,7 +306,7 @@ impl Newton {
             ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => Projection::Clamp,
             ProjectionRule::TrustRegion => Projection::Absolute,
         };
-        self.hessian.assemble(&mut self.problem, &self.x, projection)?;
+        self.assemble(projection)?;
         // Eisenstat and Walker 1996, choice 2.
         let fall = self.fall();
         let tolerance = (0.9 * fall * fall).clamp(1e-5, 0.1);
@@ -309,11 +342,12 @@ impl Method for Newton {
         let start = self.here();
         let before = self.factorisations;
         let solved = self.direction()?;
+        let first = self.first_step();
         let d = &self.cg.d;
         let slope = vector::dot(&self.grad, d);
         let normal = if self.settings.warp { Some(&mut self.normal) } else { None };
         let found =
-            self.search.run(&mut self.problem, normal, &self.x, d, start.energy.value, (slope, solved.curvature))?;
+            self.search.run(&mut self.problem, normal, &self.x, d, first, start.energy.value, (slope, solved.curvature))?;
         self.last = found;
         self.last_gradient = start.gradient_norm;
         let mut accepted = found.energy.is_some();

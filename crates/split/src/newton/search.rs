@@ -49,7 +49,7 @@ impl Search {
     }
 
     /// Goes from x, where the energy is `start`, along d with `slope` = g . d < 0 and `curvature` = d . H d. The first
-    /// length 1, 1/2, .. at which the straight or the rotation-aware point meets Armijo's condition ends the search, with the
+    /// length, from `first` on and each at most half of the one before, at which the straight or the rotation-aware point meets Armijo's condition ends the search, with the
     /// lower of the two.
     ///
     /// # Errors
@@ -60,11 +60,12 @@ impl Search {
         normal: Option<&mut NormalMatrix>,
         x: &[f64],
         d: &[f64],
+        first: f64,
         start: f64,
         (slope, curvature): (f64, f64),
     ) -> Result<Found, SystemError> {
         let mut normal = normal;
-        let mut found = Found { t: 1.0, ..Found::default() };
+        let mut found = Found { t: first, ..Found::default() };
         self.best.resize(x.len(), 0.0);
         for turn in 0..SHORTENINGS {
             let t = found.t;

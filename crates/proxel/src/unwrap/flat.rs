@@ -1,0 +1,128 @@
+//! A chart with the rest shapes of its triangles in the plane, and what is measured on it.
+
+use rayon::prelude::*;
+
+/// A triangle whose height is less than this part of its longest side has no shape in f64.
+const THIN: f64 = 1e-10;
+
+/// What is added to the sides of such a triangle, in mean edges of the chart.
+const PADDING: f64 = 1e-4;
+
+/// Triangles summed by one task.
+const CHUNK: usize = 4096;
+
+/// A connected, oriented surface with a border, scaled to area 1.
+pub struct Flat<'a> {
+    /// Its vertices in space, in the user's units.
+    pub points: &'a [[f64; 3]],
+    /// Its triangles.
+    pub triangles: &'a [[u32; 3]],
+    /// Its border, longest loop first.
+    pub loops: &'a [Vec<u32>],
+    /// Rest edges from corner 0, as columns, each triangle in a frame of its own.
+    pub shapes: Vec<[[f64; 2]; 2]>,
+    /// Triangles that have no shape of their own in space and were given a small one; sorted. They count in no energy.
+    pub degenerate: Vec<u32>,
+    /// Length of a unit of the user's in units of the shapes: 1 / sqrt(area).
+    pub scale: f64,
+}
+
+impl<'a> Flat<'a> {
+    /// None where the chart has no area.
+    pub fn new(points: &'a [[f64; 3]], triangles: &'a [[u32; 3]], loops: &'a [Vec<u32>]) -> Option<Self> {
+        let raw: Vec<Shape> = triangles.par_iter().with_min_len(CHUNK).map(|t| Shape::of(points, *t)).collect();
+        let degenerate: Vec<u32> = (0..raw.len() as u32).filter(|t| raw[*t as usize].is_thin()).collect();
+        let area: f64 = raw.iter().filter(|s| !s.is_thin()).map(Shape::area).sum();
+        let scale = area.sqrt().recip();
+        if !(scale.is_finite() && scale > 0.0) {
+            return None;
+        }
+        let mean = raw.iter().map(|s| s.sides.iter().sum::<f64>()).sum::<f64>() / (3 * raw.len().max(1)) as f64;
+        let mut shapes: Vec<[[f64; 2]; 2]> = raw.iter().map(|s| s.columns.map(|row| row.map(|v| v * scale))).collect();
+        for t in &degenerate {
+            let sides = raw[*t as usize].sides.map(|side| side + PADDING * mean);
+            shapes[*t as usize] = from_sides(sides).map(|row| row.map(|v| v * scale));
+        }
+        Some(Flat { points, triangles, loops, shapes, degenerate, scale })
+    }
+
+    /// The part of the triangles that count, weighted by `part`: area 1 without weights.
+    pub fn counts(&self, t: usize) -> bool {
+        self.degenerate.is_empty() || self.degenerate.binary_search(&(t as u32)).is_err()
+    }
+}
+
+/// A triangle in a frame of its own.
+struct Shape {
+    columns: [[f64; 2]; 2],
+    sides: [f64; 3], // |b - a|, |c - a|, |c - b|
+}
+
+impl Shape {
+    fn of(points: &[[f64; 3]], t: [u32; 3]) -> Self {
+        let [a, b, c] = t.map(|v| points[v as usize]);
+        let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+        let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+        let (e, f, g) = (minus(b, a), minus(c, a), minus(c, b));
+        let cross = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
+        let sides = [e, f, g].map(|e| dot(e, e).sqrt());
+        let columns = match sides[0] > 0.0 {
+            true => [[sides[0], dot(e, f) / sides[0]], [0.0, dot(cross, cross).sqrt() / sides[0]]],
+            false => [[0.0; 2]; 2],
+        };
+        Shape { columns, sides }
+    }
+
+    fn area(&self) -> f64 {
+        0.5 * self.columns[0][0] * self.columns[1][1]
+    }
+
+    /// A NaN is thin too.
+    fn is_thin(&self) -> bool {
+        let longest = self.sides.iter().fold(0.0, |m: f64, s| m.max(*s));
+        let enough = 2.0 * self.area() > THIN * longest * longest;
+        !enough
+    }
+}
+
+/// The triangle with the sides |b - a|, |c - a|, |c - b|, which obey the triangle inequality.
+fn from_sides([ab, ac, bc]: [f64; 3]) -> [[f64; 2]; 2] {
+    let x = (ab * ab + ac * ac - bc * bc) / (2.0 * ab);
+    [[ab, x], [0.0, (ac * ac - x * x).max(0.0).sqrt()]]
+}
+
+/// Triangles that are not counter-clockwise, by exact arithmetic.
+pub fn flips(triangles: &[[u32; 3]], uv: &[[f64; 2]]) -> usize {
+    let flipped = |t: &&[u32; 3]| {
+        let [a, b, c] = t.map(|v| uv[v as usize]).map(|p| robust::Coord { x: p[0], y: p[1] });
+        // A NaN is a flip too.
+        let sound = robust::orient2d(a, b, c) > 0.0;
+        !sound
+    };
+    triangles.par_iter().with_min_len(CHUNK).filter(flipped).count()
+}
+
+/// (1/4) sum A (|J|^2 + |J^-1|^2) / sum A of a map in units of the shapes, over triangles with a shape of their own: the
+/// normalised symmetric Dirichlet energy, 1 at an isometry, with |det J| where a triangle is flipped.
+pub fn symmetric_dirichlet(chart: &Flat<'_>, uv: &[[f64; 2]]) -> f64 {
+    let of_chunk = |c: usize| {
+        let range = c * CHUNK..((c + 1) * CHUNK).min(chart.triangles.len());
+        let (mut sum, mut total) = (0.0, 0.0);
+        for t in range.filter(|t| chart.counts(*t)) {
+            let [[a, b], [_, d]] = chart.shapes[t];
+            let [p, q, r] = chart.triangles[t].map(|v| uv[v as usize]);
+            let area = 0.5 * a * d;
+            // J = [q - p, r - p] [[a, b], [0, d]]^-1
+            let first = [(q[0] - p[0]) / a, (q[1] - p[1]) / a];
+            let second = [(r[0] - p[0] - b * first[0]) / d, (r[1] - p[1] - b * first[1]) / d];
+            let square = first[0] * first[0] + first[1] * first[1] + second[0] * second[0] + second[1] * second[1];
+            let det = first[0] * second[1] - first[1] * second[0];
+            sum += area * (square + square / (det * det));
+            total += area;
+        }
+        (sum, total)
+    };
+    let parts: Vec<(f64, f64)> = (0..chart.triangles.len().div_ceil(CHUNK)).into_par_iter().map(of_chunk).collect();
+    let (sum, total) = parts.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0, s.1 + p.1));
+    0.25 * sum / total
+}
