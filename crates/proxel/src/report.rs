@@ -77,6 +77,48 @@ pub struct Report {
     pub reactions: BTreeMap<String, [f64; 3]>,
     /// The lattice, where a surface was carried by one.
     pub lattice: Option<LatticeReport>,
+    /// What is known of a map; its keys stand beside the others.
+    #[serde(flatten)]
+    pub map: Option<MapReport>,
+}
+
+/// What `unwrap` adds to a report. Flips, overlaps and distortion are those of the file as written and read back.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MapReport {
+    /// Triangles that are turned over in the map, by exact arithmetic.
+    pub flips: usize,
+    /// Triangles with an area on the surface and none in the map.
+    pub zero_area: usize,
+    /// Pairs of triangles whose interiors meet.
+    pub overlaps: u64,
+    /// Pairs of edges of the borders of charts that cross.
+    pub boundary_crossings: u64,
+    /// Charts.
+    pub charts: usize,
+    /// Length on the surface of the edges along which the map is cut, over the diagonal of the bounding box.
+    pub seam_length: f64,
+    /// Part of the page that is covered: the unit square, or the square around a map that is not packed.
+    pub packing: f64,
+    /// Texels per unit of length on the surface, where packed.
+    pub density: Option<f64>,
+    /// The energy of the local variable at the end.
+    pub energy_z: Option<f64>,
+    /// Faces that are listed against the orientation of their chart.
+    pub reversed_faces: usize,
+    /// Faces that are not in the map.
+    pub unmapped_faces: usize,
+    /// sqrt of the area-weighted mean of (s_1^2 + s_2^2) / 2, at the scale of least energy.
+    pub l2_stretch: f64,
+    /// Largest max(s_1, 1 / s_2) likewise.
+    pub linf_stretch: f64,
+    /// s_1 / s_2: area-weighted mean.
+    pub conformal_distortion: f64,
+    /// s_1 / s_2: largest.
+    pub conformal_distortion_max: f64,
+    /// max(s_1 s_2, 1 / (s_1 s_2)): area-weighted mean.
+    pub area_distortion: f64,
+    /// max(s_1 s_2, 1 / (s_1 s_2)): largest.
+    pub area_distortion_max: f64,
 }
 
 /// The lattice of tetrahedra that carried a surface.

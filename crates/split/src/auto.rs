@@ -16,7 +16,8 @@ pub struct AutoSettings {
     pub gain: f64,
     /// Iterations over which that is averaged.
     pub window: usize,
-    /// Iterations after which Newton is tried anyway, inverted elements or not.
+    /// Iterations after which Newton is tried anyway: from the start of the problem where that has no inverted elements
+    /// and the splitting has got into some that it does not leave, else from where the splitting is.
     pub longest: usize,
     /// Iterations of the splitting after Newton has failed the first time; twice as many each further time.
     pub retreat: usize,
@@ -248,8 +249,16 @@ impl Auto {
     }
 
     fn enter_newton(&mut self) -> Result<(), SystemError> {
+        let inverted = self.energy().inverted;
         if let Phase::Splitting(admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
-            let (problem, normal, x, admm) = admm.into_parts();
+            let (mut problem, normal, mut x, admm) = admm.into_parts();
+            if problem.barrier && inverted > 0 {
+                let start = std::mem::take(&mut problem.x0);
+                if problem.energy(&start, None).inverted == 0 {
+                    x.copy_from_slice(&start);
+                }
+                problem.x0 = start;
+            }
             let newton = Newton::resume(problem, normal, x, self.settings.newton.clone(), self.iteration)?;
             self.phase = Phase::Newton(Box::new(newton), admm);
             self.short = 0;

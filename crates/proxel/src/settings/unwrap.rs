@@ -198,12 +198,23 @@ pub struct UnwrapSettings {
     pub bcqn: QuasiNewton,
     /// Settings of the methods of Newton's kind.
     pub newton: NewtonSettings,
+    /// Iterations of the splitting after which `auto` and `wrapd+cm` give up hope that it will turn the last flipped triangle, and
+    /// go on from the start where that has none.
+    pub longest: usize,
     /// Part of the mean diagonal that is added to a Hessian where it is factored: the rotation of a map costs nothing.
     pub shift: f64,
     /// Weight of the proximal term of `slim` and `akvf`, for a chart of area 1.
     pub proximal: f64,
     /// The same of `cm`.
     pub proximal_cm: f64,
+    /// Whether the charts are packed into the unit square.
+    pub pack: bool,
+    /// Least distance of packed charts, in pixels.
+    pub padding: f64,
+    /// Pixels along a side of the page.
+    pub resolution: u32,
+    /// Texels per unit of length on the surface, instead of as many as fit.
+    pub density: Option<f64>,
     /// Converged when |g| <= tol min(|g(X0)|, characteristic gradient).
     pub tol: f64,
     /// Most iterations of a chart.
@@ -222,9 +233,14 @@ impl Default for UnwrapSettings {
             admm: MapSplitting::default(),
             bcqn: QuasiNewton { shrink: 0.8, ..QuasiNewton::zhu() },
             newton: NewtonSettings::default(),
-            shift: 1e-6,
+            longest: 30,
+            shift: 1e-8,
             proximal: 1e-4,
             proximal_cm: 1.2e-5,
+            pack: true,
+            padding: 2.0,
+            resolution: 1024,
+            density: None,
             tol: 1e-9,
             max_iters: 5000,
             time_limit: None,
@@ -265,7 +281,7 @@ impl UnwrapSettings {
             eager: true,
             gain: self.newton.gain,
             window: self.newton.window,
-            longest: self.newton.longest,
+            longest: self.longest,
             retreat: self.newton.retreat,
         }
     }
@@ -296,6 +312,15 @@ impl UnwrapSettings {
             if !(v >= least && v.is_finite()) {
                 return Err(format!("{name} is {v}; it must be at least {least}"));
             }
+        }
+        if let Some(density) = self.density {
+            positive("density (--density)", density)?;
+        }
+        if !(self.padding >= 0.0 && self.padding.is_finite()) || self.resolution == 0 {
+            return Err(format!(
+                "padding is {} and resolution {}; pixels must not be negative, and the page needs some",
+                self.padding, self.resolution
+            ));
         }
         if self.admm.max_inner == 0 {
             return Err("admm.max_inner is 0; a global step needs at least one inner step".to_string());

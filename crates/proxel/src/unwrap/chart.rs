@@ -1,47 +1,98 @@
 //! The map of one chart.
 
-use super::flat::{Flat, flips, symmetric_dirichlet};
-use super::start::{Start, start};
-use super::{Hooks, MapRow, UnwrapError};
+use super::flat::{Flat, best_scale, flips, symmetric_dirichlet};
+use super::pins::similarity;
+use super::start::{Start, Weights, start};
+use super::{Hooks, MapRow, UnwrapError, UnwrapInput};
 use crate::settings::{UnwrapMethod, UnwrapSettings};
+use proxel_mesh::charts::{Chart, Charts};
 use proxel_model::elements::{Batch, BatchShape, BatchWeights, Flattened, batch, morton};
 use proxel_model::energy::Lame;
 use proxel_split::{
     Admm, AdmmSettings, Auto, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Newton,
-    NoProgress, Observer, Outcome, Problem, Quadratic, QuasiNewton, StepReport, Stop, SystemError,
+    NoProgress, Observer, Outcome, Problem, Quadratic, QuasiNewton, Residuals, Status, StepReport, Stop, SystemError,
 };
 use std::time::{Duration, Instant};
 
 /// Steps that a method may refuse in a row.
 const REFUSALS: usize = 5;
 
-/// A chart and its map.
+/// A chart with what is asked of its map.
+pub(super) struct ChartInput<'a> {
+    pub chart: &'a Chart,
+    pub points: Vec<[f64; 3]>,        // of its vertices
+    pub start: Option<Vec<[f64; 2]>>, // in any units
+    pub pins: Vec<(u32, [f64; 2])>,   // in the user's units
+    pub weights: Option<Vec<f64>>,    // of its triangles
+}
+
+/// The charts of a mesh, and what of the input concerns each.
+pub(super) fn inputs<'a>(input: &UnwrapInput, charts: &'a Charts) -> Result<Vec<ChartInput<'a>>, UnwrapError> {
+    let mut pins: Vec<Option<[f64; 2]>> = vec![None; if input.pins.is_empty() { 0 } else { input.mesh.n_verts() }];
+    for (v, target) in &input.pins {
+        let Some(pin) = pins.get_mut(*v as usize) else {
+            let n = input.mesh.n_verts();
+            return Err(UnwrapError(format!("pin: vertex {v} (0-based) does not exist; there are {n}")));
+        };
+        if pin.is_some_and(|p| p != *target) {
+            return Err(UnwrapError(format!("pin: vertex {v} (0-based) is held at two places; keep one of them")));
+        }
+        if target.iter().any(|t| !t.is_finite()) {
+            return Err(UnwrapError(format!("pin: the place of vertex {v} (0-based) is not finite")));
+        }
+        *pin = Some(*target);
+    }
+    let mut starts: Vec<Option<Vec<[f64; 2]>>> = vec![None; charts.charts.len()];
+    if let Some(map) = &input.start {
+        map.check(&input.mesh.faces)?;
+        starts = charts.charts.iter().map(|chart| Some(vec![[f64::NAN; 2]; chart.vertices.len()])).collect();
+        for (corner, place) in charts.places.iter().enumerate() {
+            if let (Some(place), Some(uv)) = (place, map.at(corner))
+                && let Some(Some(start)) = starts.get_mut(place.chart as usize)
+            {
+                start[place.vertex as usize] = uv;
+            }
+        }
+    }
+    let of_chart = |(chart, start): (&'a Chart, Option<Vec<[f64; 2]>>)| ChartInput {
+        chart,
+        points: chart.vertices.iter().map(|v| input.mesh.points[*v as usize]).collect(),
+        // A map that leaves a vertex out is no start.
+        start: start.filter(|uv| uv.iter().flatten().all(|v| v.is_finite())),
+        pins: (0..chart.vertices.len() as u32)
+            .filter_map(|v| Some((v, (*pins.get(chart.vertices[v as usize] as usize)?)?)))
+            .collect(),
+        weights: input.weights.as_ref().map(|w| chart.faces.iter().map(|f| w[*f as usize]).collect()),
+    };
+    Ok(charts.charts.iter().zip(starts).map(of_chart).collect())
+}
+
+/// The map of a chart.
 pub(super) struct ChartMap {
     pub uv: Vec<[f64; 2]>, // in the user's units
     pub outcome: Outcome,
-    pub start: Start,
     pub energy: f64,   // normalised
     pub energy_z: f64, // of the local variable at the end
     pub gradient_norm: f64,
     pub reference_gradient: f64,
+    pub residuals: Residuals,
     pub factor_bytes: u64,
     pub area: f64, // in the user's units
     pub rows: Vec<MapRow>,
-    pub setup: f64,
-    pub solve: f64,
     pub degenerate: usize,
 }
 
 /// Weights, moduli: symmetric Dirichlet with the stiffness 8 at rest, s^2 + s^-2 - 2 for each stretch, is that of mu = 4.
 const MODULUS: f64 = 4.0;
 
-/// Vertices of a chart as the solver has them: the pinned one last, others along a space-filling curve.
+/// Vertices of a chart as the solver has them: fixed ones last, each kind along a space-filling curve.
 struct Order {
     number: Vec<u32>, // of each vertex
+    n_free: usize,
 }
 
 impl Order {
-    fn new(chart: &Flat<'_>, pinned: usize) -> Self {
+    fn new(chart: &Flat<'_>, fixed: &[u32]) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for p in chart.points {
             for d in 0..3 {
@@ -49,14 +100,18 @@ impl Order {
             }
         }
         let size = (0..3).map(|d| high[d] - low[d]).fold(0.0, f64::max);
+        let mut is_fixed = vec![false; chart.points.len()];
+        for v in fixed {
+            is_fixed[*v as usize] = true;
+        }
         let mut keyed: Vec<(bool, u64, u32)> =
-            (0..chart.points.len()).map(|v| (v == pinned, morton(chart.points[v], low, size), v as u32)).collect();
+            (0..chart.points.len()).map(|v| (is_fixed[v], morton(chart.points[v], low, size), v as u32)).collect();
         keyed.sort_unstable();
         let mut number = vec![0; keyed.len()];
         for (place, (_, _, v)) in keyed.iter().enumerate() {
             number[*v as usize] = place as u32;
         }
-        Order { number }
+        Order { number, n_free: chart.points.len() - fixed.len() }
     }
 
     fn solver(&self, uv: &[[f64; 2]]) -> Vec<f64> {
@@ -86,17 +141,16 @@ fn middle(uv: &[[f64; 2]]) -> usize {
 
 /// Minimises the energy of the map of a chart.
 pub(super) fn solve(
-    chart: &Flat<'_>,
-    given: Option<Vec<[f64; 2]>>,
+    input: &ChartInput<'_>,
     settings: &UnwrapSettings,
     hooks: &mut Hooks<'_>,
     began: Instant,
 ) -> Result<ChartMap, UnwrapError> {
     let entered = Instant::now();
-    let start = match given {
-        Some(uv) => Start { flips: flips(chart.triangles, &uv), uv, weights: super::start::Weights::Cotangent },
-        None => start(chart)?,
+    let Some(chart) = &Flat::new(&input.points, &input.chart.triangles, &input.chart.loops) else {
+        return Ok(without_area(input));
     };
+    let start = begin(chart, input)?;
     if start.flips > 0 && !settings.method.takes_flips() {
         return Err(UnwrapError(format!(
             "the start of the map has {} flipped triangles, from which {} cannot begin; use --method auto or wrapd",
@@ -104,62 +158,159 @@ pub(super) fn solve(
             settings.method.as_str()
         )));
     }
-    let order = Order::new(chart, middle(&start.uv));
-    let problem = problem(chart, &order, &start, settings)?;
+    let fixed: Vec<u32> = match &input.pins[..] {
+        [] => vec![middle(&start.uv) as u32],
+        pins => pins.iter().map(|p| p.0).collect(),
+    };
+    let order = Order::new(chart, &fixed);
+    let problem = problem(chart, &order, &start, input, settings)?;
+    if problem.n_free == 0 {
+        return Ok(ChartMap { uv: in_units(chart, &start.uv, input), ..held(chart, &start.uv) });
+    }
     let mut method = method(problem, settings).map_err(|e| UnwrapError(e.to_string()))?;
     let mut tolerance = GradientTolerance::new(settings.tol, method.as_mut());
     let reference_gradient = tolerance.reference();
-    let setup = entered.elapsed().as_secs_f64();
     let mut limit = IterationLimit(settings.max_iters);
     let mut stuck = NoProgress::new(REFUSALS);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = super::watch::TimeLimit::new(began, settings.time_limit);
-    let mut watcher = Watcher { chart, order: &order, hooks, began: entered, watching: Duration::ZERO, rows: Vec::new() };
+    let mut watcher =
+        Watcher { chart, order: &order, hooks, began: entered, watching: Duration::ZERO, rows: Vec::new() };
     let mut stops: [&mut dyn Stop; 5] = [&mut tolerance, &mut cancel, &mut time, &mut limit, &mut stuck];
     let outcome = proxel_split::run(method.as_mut(), &mut stops, &mut watcher);
     let rows = watcher.rows;
     let factor_bytes = method.factor_bytes();
+    let residuals = method.residuals();
     let mut problem = method.into_problem();
     let mut grad = vec![0.0; 2 * problem.n_free];
     problem.energy(&outcome.x, Some(&mut grad));
     let gradient_norm = problem.gradient_norm(&mut grad);
     let flat = order.user(&outcome.x);
-    let energy = symmetric_dirichlet(chart, &flat);
-    let unit = chart.scale.recip();
     Ok(ChartMap {
-        energy,
+        uv: in_units(chart, &flat, input),
         energy_z: 1.0 + outcome.last.energy_z / MODULUS,
-        uv: flat.iter().map(|p| p.map(|v| v * unit)).collect(),
         outcome,
-        start,
         gradient_norm,
         reference_gradient,
+        residuals,
         factor_bytes,
-        area: unit * unit,
         rows,
-        setup,
-        solve: entered.elapsed().as_secs_f64() - setup,
-        degenerate: chart.degenerate.len(),
+        ..held(chart, &flat)
     })
+}
+
+/// In the user's units; pins exactly where they were put.
+fn in_units(chart: &Flat<'_>, flat: &[[f64; 2]], input: &ChartInput<'_>) -> Vec<[f64; 2]> {
+    let unit = chart.scale.recip();
+    let mut uv: Vec<[f64; 2]> = flat.iter().map(|p| p.map(|v| v * unit)).collect();
+    for (v, target) in &input.pins {
+        uv[*v as usize] = *target;
+    }
+    uv
+}
+
+/// A map that is as it is, with nothing to solve.
+fn held(chart: &Flat<'_>, flat: &[[f64; 2]]) -> ChartMap {
+    ChartMap {
+        uv: Vec::new(),
+        outcome: finished("nothing of the map is free"),
+        energy: symmetric_dirichlet(chart, flat),
+        energy_z: f64::INFINITY,
+        gradient_norm: 0.0,
+        reference_gradient: 1.0,
+        residuals: Residuals { primal: 0.0, dual: 0.0 },
+        factor_bytes: 0,
+        area: chart.scale.recip() * chart.scale.recip(),
+        rows: Vec::new(),
+        degenerate: chart.degenerate.len(),
+    }
+}
+
+/// A chart whose triangles all lack an area goes to the circle, as small as it is.
+fn without_area(input: &ChartInput<'_>) -> ChartMap {
+    let n = input.chart.triangles.len();
+    let outer = input.chart.loops.first().map_or(&[][..], |l| l);
+    let mut uv = vec![[0.0; 2]; input.points.len()];
+    for (k, v) in outer.iter().enumerate() {
+        let angle = 2.0 * std::f64::consts::PI * k as f64 / outer.len() as f64;
+        uv[*v as usize] = [angle.cos(), angle.sin()];
+    }
+    ChartMap {
+        uv,
+        outcome: finished("a chart without area has no best map"),
+        energy: 1.0,
+        energy_z: f64::INFINITY,
+        gradient_norm: 0.0,
+        reference_gradient: 1.0,
+        residuals: Residuals { primal: 0.0, dual: 0.0 },
+        factor_bytes: 0,
+        area: 0.0,
+        rows: Vec::new(),
+        degenerate: n,
+    }
+}
+
+fn finished(reason: &str) -> Outcome {
+    Outcome {
+        status: Status::Converged,
+        reason: reason.to_string(),
+        iterations: 0,
+        inner_iterations: 0,
+        refactorisations: 0,
+        accepted: 0,
+        rejected: 0,
+        missed: 0,
+        x: Vec::new(),
+        energy: Default::default(),
+        is_last: true,
+        last: Default::default(),
+    }
+}
+
+/// The given map in the scale that suits the chart best, or one from the circle; where pins hold it, turned to them.
+fn begin(chart: &Flat<'_>, input: &ChartInput<'_>) -> Result<Start, UnwrapError> {
+    let mut start = match &input.start {
+        Some(uv) => {
+            let factor = best_scale(chart, uv);
+            let uv: Vec<[f64; 2]> = uv.iter().map(|p| p.map(|v| v * factor)).collect();
+            Start { flips: flips(chart.triangles, &uv), uv, weights: Weights::Given }
+        }
+        None => start(chart)?,
+    };
+    if !input.pins.is_empty() {
+        let targets: Vec<[f64; 2]> = input.pins.iter().map(|(_, t)| t.map(|v| v * chart.scale)).collect();
+        let points: Vec<[f64; 2]> = input.pins.iter().map(|(v, _)| start.uv[*v as usize]).collect();
+        if let Some(([a, b], offset)) = similarity(&points, &targets) {
+            for p in &mut start.uv {
+                *p = [a * p[0] - b * p[1] + offset[0], b * p[0] + a * p[1] + offset[1]];
+            }
+        }
+        for ((v, _), target) in input.pins.iter().zip(&targets) {
+            start.uv[*v as usize] = *target;
+        }
+        start.flips = flips(chart.triangles, &start.uv);
+    }
+    Ok(start)
 }
 
 fn problem(
     chart: &Flat<'_>,
     order: &Order,
     start: &Start,
+    input: &ChartInput<'_>,
     settings: &UnwrapSettings,
 ) -> Result<Problem, UnwrapError> {
     let lame = Lame::new(MODULUS, 0.0).map_err(|e| UnwrapError(e.to_string()))?;
     let elements: Vec<u32> = chart.triangles.iter().flatten().map(|v| order.number[*v as usize]).collect();
-    let centers: Vec<[f64; 3]> =
-        chart.triangles.iter().map(|t| [0, 1, 2].map(|d| t.map(|v| chart.points[v as usize][d] / 3.0).iter().sum())).collect();
+    let center = |t: &[u32; 3]| [0, 1, 2].map(|d| t.map(|v| chart.points[v as usize][d] / 3.0).iter().sum());
+    let centers: Vec<[f64; 3]> = chart.triangles.iter().map(center).collect();
     let scale = settings.admm.weight_scale;
     let (term, barrier) = batch(&Batch {
         shape: BatchShape::PlanarTriangles,
         positions: &[],
         flattened: Some(Flattened { shapes: &chart.shapes, centers: &centers, n_nodes: chart.points.len() }),
         elements: &elements,
-        fill: None,
+        fill: input.weights.as_deref(),
         energy: &settings.energy,
         lame: &lame,
         limits: None,
@@ -170,7 +321,7 @@ fn problem(
     .map_err(|e| UnwrapError(e.to_string()))?;
     Ok(Problem {
         dim: 2,
-        n_free: chart.points.len() - 1,
+        n_free: order.n_free,
         x0: order.solver(&start.uv),
         terms: vec![term],
         quadratic: Quadratic::default(),

@@ -46,7 +46,7 @@ impl<'a> Flat<'a> {
         Some(Flat { points, triangles, loops, shapes, degenerate, scale })
     }
 
-    /// The part of the triangles that count, weighted by `part`: area 1 without weights.
+    /// Whether a triangle has a shape of its own, so that it counts in energies.
     pub fn counts(&self, t: usize) -> bool {
         self.degenerate.is_empty() || self.degenerate.binary_search(&(t as u32)).is_err()
     }
@@ -105,9 +105,22 @@ pub fn flips(triangles: &[[u32; 3]], uv: &[[f64; 2]]) -> usize {
 /// (1/4) sum A (|J|^2 + |J^-1|^2) / sum A of a map in units of the shapes, over triangles with a shape of their own: the
 /// normalised symmetric Dirichlet energy, 1 at an isometry, with |det J| where a triangle is flipped.
 pub fn symmetric_dirichlet(chart: &Flat<'_>, uv: &[[f64; 2]]) -> f64 {
+    let [square, inverse, area] = sums(chart, uv);
+    0.25 * (square + inverse) / area
+}
+
+/// The factor of the map that makes its symmetric Dirichlet energy least; 1 where there is none.
+pub fn best_scale(chart: &Flat<'_>, uv: &[[f64; 2]]) -> f64 {
+    let [square, inverse, _] = sums(chart, uv);
+    let factor = (inverse / square).powf(0.25);
+    if factor.is_finite() && factor > 0.0 { factor } else { (2.0 / square).sqrt().clamp(f64::MIN_POSITIVE, f64::MAX) }
+}
+
+/// sum A |J|^2, sum A |J^-1|^2, sum A.
+fn sums(chart: &Flat<'_>, uv: &[[f64; 2]]) -> [f64; 3] {
     let of_chunk = |c: usize| {
         let range = c * CHUNK..((c + 1) * CHUNK).min(chart.triangles.len());
-        let (mut sum, mut total) = (0.0, 0.0);
+        let mut sums = [0.0; 3];
         for t in range.filter(|t| chart.counts(*t)) {
             let [[a, b], [_, d]] = chart.shapes[t];
             let [p, q, r] = chart.triangles[t].map(|v| uv[v as usize]);
@@ -117,12 +130,12 @@ pub fn symmetric_dirichlet(chart: &Flat<'_>, uv: &[[f64; 2]]) -> f64 {
             let second = [(r[0] - p[0] - b * first[0]) / d, (r[1] - p[1] - b * first[1]) / d];
             let square = first[0] * first[0] + first[1] * first[1] + second[0] * second[0] + second[1] * second[1];
             let det = first[0] * second[1] - first[1] * second[0];
-            sum += area * (square + square / (det * det));
-            total += area;
+            sums[0] += area * square;
+            sums[1] += area * square / (det * det);
+            sums[2] += area;
         }
-        (sum, total)
+        sums
     };
-    let parts: Vec<(f64, f64)> = (0..chart.triangles.len().div_ceil(CHUNK)).into_par_iter().map(of_chunk).collect();
-    let (sum, total) = parts.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0, s.1 + p.1));
-    0.25 * sum / total
+    let parts: Vec<[f64; 3]> = (0..chart.triangles.len().div_ceil(CHUNK)).into_par_iter().map(of_chunk).collect();
+    parts.iter().fold([0.0; 3], |s, p| [s[0] + p[0], s[1] + p[1], s[2] + p[2]])
 }

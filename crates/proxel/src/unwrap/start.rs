@@ -10,6 +10,8 @@ use std::sync::Arc;
 pub enum Weights {
     /// w_ij = (cot alpha + cot beta) / 2: the harmonic map.
     Cotangent,
+    /// No springs: the map was given.
+    Given,
     /// w_ij = 1: without flips in exact arithmetic (Tutte 1963).
     Uniform,
 }
@@ -145,7 +147,7 @@ impl Circle {
                 let (i, j) = ((k + 1) % 3, (k + 2) % 3);
                 let weight = match weights {
                     // Each inner edge comes twice.
-                    Weights::Uniform => 0.5,
+                    Weights::Uniform | Weights::Given => 0.5,
                     Weights::Cotangent => {
                         let (a, b) = ([p[i][0] - p[k][0], p[i][1] - p[k][1]], [p[j][0] - p[k][0], p[j][1] - p[k][1]]);
                         0.5 * (a[0] * b[0] + a[1] * b[1]) / area2
