@@ -6,6 +6,7 @@
 //! elements, [`generate`] makes meshes without files, [`winding`] tells inside from outside, [`embed`] puts any
 //! surface into a lattice of tetrahedra, and [`write_series`] writes meshes in motion.
 
+pub mod charts;
 pub mod check;
 pub mod embed;
 mod error;
