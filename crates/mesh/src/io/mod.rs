@@ -6,7 +6,7 @@
 
 mod atomic;
 #[cfg(test)]
-mod fuzz;
+pub(crate) mod fuzz;
 pub(crate) mod gltf;
 mod gmsh;
 mod medit;

@@ -24,6 +24,7 @@ pub(super) fn parse(file: &str, data: &[u8], faces: &Polygons) -> Result<Option<
         let n = body.claim(element)?;
         let pair = pair(element).filter(|_| element.name == "vertex");
         let list = list(element).filter(|_| element.name == "face");
+        listed |= list.is_some();
         for _ in 0..n {
             let mut numbers = Vec::new();
             body.row(element, |k, x| {
@@ -38,7 +39,6 @@ pub(super) fn parse(file: &str, data: &[u8], faces: &Polygons) -> Result<Option<
             }
             if element.name == "face" && face < faces.len() {
                 let corners = faces.get(face).len();
-                listed |= !numbers.is_empty();
                 match numbers.len() {
                     0 => of_corners.extend(std::iter::repeat_n(None, corners)),
                     m if m == 2 * corners => of_corners.extend(numbers.chunks_exact(2).map(|p| Some([p[0].1, p[1].1]))),
@@ -53,6 +53,7 @@ pub(super) fn parse(file: &str, data: &[u8], faces: &Polygons) -> Result<Option<
         }
     }
     let values = match (listed, of_vertices.is_empty()) {
+        (true, _) if of_corners.iter().all(Option::is_none) => return Ok(None),
         (true, _) => of_corners,
         (false, false) => faces.indices().iter().map(|&v| of_vertices.get(v as usize).copied()).collect(),
         (false, true) => return Ok(None),

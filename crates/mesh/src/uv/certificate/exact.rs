@@ -78,8 +78,7 @@ pub(crate) fn fold(p: V2, a: V2, b: V2) -> bool {
     orient(p, a, b) == 0.0 && (side(0) || side(1))
 }
 
-/// Whether a triangle of the surface has area: exactly, not up to a tolerance, as its three projections have (and not so
-/// little that f64 cannot hold it).
+/// Whether a triangle of the surface has area: exactly, not up to a tolerance (but so much that f64 can hold its square).
 pub fn has_rest_area(corners: [[f64; 3]; 3]) -> bool {
     rest_area(corners) > 0.0
 }
@@ -88,15 +87,16 @@ pub fn has_rest_area(corners: [[f64; 3]; 3]) -> bool {
 pub(crate) fn rest_area(x: [V3; 3]) -> f64 {
     let (a, b) = (sub(x[1], x[0]), sub(x[2], x[0]));
     let area = 0.5 * norm(cross(a, b));
-    // Rounding is below 1e-14 of the product of the edges; where that could make the area, exact signs decide.
+    // Rounding is below 1e-14 of the product of the edges; where that could be all of the area, exact arithmetic decides.
     if area > 1e-12 * norm(a) * norm(b) {
         return area;
     }
     let largest = x.as_flattened().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let s = if largest > 0.0 { 2f64.powi(-(largest.log2().floor().clamp(-1000.0, 1000.0) as i32)) } else { 1.0 };
-    let flat = |i: usize, j: usize| {
+    // The components of the normal, each without cancellation.
+    let projected = |i: usize, j: usize| {
         let p = |v: V3| [v[i] * s, v[j] * s];
-        orient(p(x[0]), p(x[1]), p(x[2])) == 0.0
+        orient(p(x[0]), p(x[1]), p(x[2]))
     };
-    if flat(0, 1) && flat(1, 2) && flat(2, 0) { 0.0 } else { area }
+    0.5 * norm([projected(0, 1), projected(1, 2), projected(2, 0)]) / s / s
 }
