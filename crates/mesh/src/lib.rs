@@ -4,7 +4,8 @@
 //! repaired behind the user's back. [`read_mesh`] and [`write_mesh`] pick the format by extension,
 //! [`check`] finds what is wrong with a mesh, [`topology`] who touches whom, [`refine`] splits
 //! elements, [`generate`] makes meshes without files, [`winding`] tells inside from outside, [`embed`] puts any
-//! surface into a lattice of tetrahedra, and [`write_series`] writes meshes in motion.
+//! surface into a lattice of tetrahedra, [`uv`] reads, writes and certifies maps of a surface to the plane, and
+//! [`write_series`] writes meshes in motion.
 
 pub mod charts;
 pub mod check;
@@ -16,6 +17,7 @@ mod io;
 mod mesh;
 pub mod refine;
 pub mod topology;
+pub mod uv;
 mod vec3;
 pub mod winding;
 

@@ -134,7 +134,7 @@ fn deep_nesting_does_not_exhaust_the_stack() {
 
 /// One place in a file and what happens there.
 #[derive(Clone, Debug)]
-enum Damage {
+pub(crate) enum Damage {
     Set(u8),
     Flip(u8),
     Delete(usize),
@@ -142,7 +142,7 @@ enum Damage {
     Repeat(usize),
 }
 
-fn damage() -> impl Strategy<Value = (usize, Damage)> {
+pub(crate) fn damage() -> impl Strategy<Value = (usize, Damage)> {
     let words = prop::sample::select(vec![
         "-1",
         "0",
@@ -172,7 +172,7 @@ fn damage() -> impl Strategy<Value = (usize, Damage)> {
     (any::<usize>(), kind)
 }
 
-fn apply(data: &mut Vec<u8>, (place, damage): &(usize, Damage)) {
+pub(crate) fn apply(data: &mut Vec<u8>, (place, damage): &(usize, Damage)) {
     if data.is_empty() {
         return;
     }

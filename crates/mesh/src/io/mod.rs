@@ -6,20 +6,20 @@
 
 mod atomic;
 #[cfg(test)]
-mod fuzz;
-mod gltf;
+pub(crate) mod fuzz;
+pub(crate) mod gltf;
 mod gmsh;
 mod medit;
 mod npy;
-mod numbers;
-mod obj;
+pub(crate) mod numbers;
+pub(crate) mod obj;
 mod off;
-mod ply;
+pub(crate) mod ply;
 mod scalar;
 mod series;
 mod stl;
 mod tetgen;
-mod text;
+pub(crate) mod text;
 mod vtk;
 mod vtk_cells;
 mod vtu;

@@ -11,29 +11,29 @@ use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::fields::{Field, Fields};
 use crate::mesh::Mesh;
 
-struct Element {
-    name: String,
+pub(crate) struct Element {
+    pub name: String,
     claimed: i64,
-    properties: Vec<Property>,
+    pub properties: Vec<Property>,
 }
 
-struct Property {
-    name: String,
-    kind: Scalar,
-    count: Option<Scalar>, // the type of the length of a list
+pub(crate) struct Property {
+    pub name: String,
+    pub kind: Scalar,
+    pub count: Option<Scalar>, // the type of the length of a list
 }
 
 /// The numbers after the header.
-enum Body<'a> {
+pub(crate) enum Body<'a> {
     Text(Text<'a>),
     Binary { file: &'a str, data: &'a [u8], pos: usize, big_endian: bool },
 }
 
 /// A number as an index and as a coordinate.
 #[derive(Clone, Copy, Default)]
-struct Number {
-    int: i64,
-    float: f64,
+pub(crate) struct Number {
+    pub int: i64,
+    pub float: f64,
 }
 
 pub(crate) fn parse(file: &str, data: &[u8]) -> Result<Mesh> {
@@ -55,7 +55,8 @@ pub(crate) fn parse(file: &str, data: &[u8]) -> Result<Mesh> {
     Ok(mesh)
 }
 
-fn header<'a>(file: &'a str, data: &'a [u8]) -> Result<(Vec<Element>, Body<'a>)> {
+/// The elements that a file announces, and a cursor behind its header.
+pub(crate) fn header<'a>(file: &'a str, data: &'a [u8]) -> Result<(Vec<Element>, Body<'a>)> {
     let bad = |line: usize, what: String| {
         MeshError::new(ErrorKind::Malformed, file, what, "check that the file is a PLY file").at_line(line)
     };
@@ -112,8 +113,16 @@ fn header<'a>(file: &'a str, data: &'a [u8]) -> Result<(Vec<Element>, Body<'a>)>
 }
 
 impl Body<'_> {
+    /// How many bytes of the file are behind the cursor.
+    pub fn position(&self) -> usize {
+        match self {
+            Body::Text(text) => text.position(),
+            Body::Binary { pos, .. } => *pos,
+        }
+    }
+
     /// Holds the count of an element against the rest of the file.
-    fn claim(&self, element: &Element) -> Result<usize> {
+    pub fn claim(&self, element: &Element) -> Result<usize> {
         let size = |p: &Property| p.count.unwrap_or(p.kind).size();
         let (least, room, file) = match self {
             Body::Text(text) => return text.claim(element.claimed, &element.name, 2 * element.properties.len()),
@@ -136,7 +145,8 @@ impl Body<'_> {
         }
     }
 
-    fn number(&mut self, kind: Scalar, what: &str) -> Result<Number> {
+    /// The next number.
+    pub fn number(&mut self, kind: Scalar, what: &str) -> Result<Number> {
         match self {
             Body::Text(text) if kind.is_float() => {
                 let float = text.expect_f64(what)?;
@@ -157,7 +167,7 @@ impl Body<'_> {
     }
 
     /// Reads one element; `see` gets the place of the property and each of its numbers.
-    fn row(&mut self, element: &Element, mut see: impl FnMut(usize, Number)) -> Result<()> {
+    pub fn row(&mut self, element: &Element, mut see: impl FnMut(usize, Number)) -> Result<()> {
         for (k, p) in element.properties.iter().enumerate() {
             let n = match p.count {
                 None => 1,
@@ -171,7 +181,7 @@ impl Body<'_> {
     }
 
     /// Adds the line, in text.
-    fn locate(&self, e: MeshError) -> MeshError {
+    pub fn locate(&self, e: MeshError) -> MeshError {
         match self {
             Body::Text(text) => e.at_line(text.line_number()),
             Body::Binary { .. } => e,

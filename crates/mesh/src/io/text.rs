@@ -19,6 +19,8 @@ pub(crate) struct Line<'a> {
     file: &'a str,
     /// 1-based.
     pub number: usize,
+    /// Where the words that are left begin in the text (a byte order mark does not count).
+    pub at: usize,
     rest: &'a [u8],
 }
 
@@ -47,6 +49,11 @@ impl<'a> Text<'a> {
         Text { file, data, pos, line }
     }
 
+    /// How many bytes of the text are behind the cursor.
+    pub fn position(&self) -> usize {
+        self.pos
+    }
+
     /// The 1-based number of the current line.
     pub fn line_number(&self) -> usize {
         self.line
@@ -71,7 +78,7 @@ impl<'a> Text<'a> {
             let text = &self.data[start..end];
             let text = &text[..text.iter().position(|&b| b == b'#').unwrap_or(text.len())];
             if text.iter().any(|&b| !is_space(b)) {
-                return Some(Line { file: self.file, number, rest: text });
+                return Some(Line { file: self.file, number, at: start, rest: text });
             }
         }
         None
@@ -230,6 +237,7 @@ impl<'a> Iterator for Line<'a> {
         let rest = &self.rest[start..];
         let len = rest.iter().position(blank).unwrap_or(rest.len());
         let (word, rest) = rest.split_at(len);
+        self.at += start + len;
         self.rest = rest;
         Some(word)
     }

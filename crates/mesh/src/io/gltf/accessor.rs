@@ -89,7 +89,16 @@ impl<'a> Buffers<'a> {
     /// Points: three numbers each, 32-bit or quantised (KHR_mesh_quantization). `first` is the number of the first vertex,
     /// for messages.
     pub fn points(&self, a: usize, first: usize) -> Result<Vec<[f64; 3]>> {
-        let (accessor, scalar, bytes, stride) = self.view(a, "VEC3", 3)?;
+        self.vectors(a, "VEC3", first)
+    }
+
+    /// Texture coordinates, as [`points`](Self::points); v runs downwards.
+    pub fn texcoords(&self, a: usize, first: usize) -> Result<Vec<[f64; 2]>> {
+        self.vectors(a, "VEC2", first)
+    }
+
+    fn vectors<const D: usize>(&self, a: usize, kind: &str, first: usize) -> Result<Vec<[f64; D]>> {
+        let (accessor, scalar, bytes, stride) = self.view(a, kind, D)?;
         // Normalised integers: c / (2^(b-1) - 1) signed, at least -1; c / (2^b - 1) unsigned. glTF 2.0, section 3.11.
         let largest = match scalar {
             Scalar::I8 => 127.0,
@@ -100,7 +109,7 @@ impl<'a> Buffers<'a> {
         };
         let mut out = Vec::with_capacity(accessor.count);
         for i in 0..accessor.count {
-            let mut p = [0.0; 3];
+            let mut p = [0.0; D];
             for (d, x) in p.iter_mut().enumerate() {
                 *x = scalar.f64(&bytes[i * stride + d * scalar.size()..], false);
                 if accessor.normalized && !scalar.is_float() {

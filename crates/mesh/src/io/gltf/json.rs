@@ -56,6 +56,8 @@ pub(super) struct Primitive {
 pub(super) struct Attributes {
     #[serde(rename = "POSITION")]
     pub position: Option<usize>,
+    #[serde(rename = "TEXCOORD_0")]
+    pub texcoord: Option<usize>,
 }
 
 #[derive(Deserialize)]

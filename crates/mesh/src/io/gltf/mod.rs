@@ -13,8 +13,8 @@ mod write;
 
 pub(crate) use animate::Animation;
 pub use animate::MOST_FRAMES as MOST_GLTF_FRAMES;
-pub(crate) use read::{parse, read};
-pub(crate) use write::{require_range, write};
+pub(crate) use read::{Texcoords, parse, parse_uv, read, read_uv};
+pub(crate) use write::{Document, require_range, write};
 
 use crate::error::{ErrorKind, MeshError, Result};
 use json::Root;

@@ -16,18 +16,32 @@ const IDENTITY: Transform = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0
 /// More vertices than this are taken for a mistake: nodes can show a mesh any number of times.
 const MOST_VERTS: usize = 200_000_000;
 
+/// Of each corner of the faces: its texture coordinates, as they stand in the file, where it has some.
+pub(crate) type Texcoords = Vec<Option<[f64; 2]>>;
+
 /// Reads a file and the buffers beside it.
 pub(crate) fn read(path: &Path) -> Result<Mesh> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    read_parts(&display(path), &read_bytes(path)?, Some(folder))
+    Ok(read_parts(&display(path), &read_bytes(path)?, Some(folder), false)?.0)
+}
+
+/// As [`read`], with texture coordinates.
+pub(crate) fn read_uv(path: &Path) -> Result<(Mesh, Texcoords)> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    read_parts(&display(path), &read_bytes(path)?, Some(folder), true)
 }
 
 /// Parses a file that stands for itself.
 pub(crate) fn parse(file: &str, data: &[u8]) -> Result<Mesh> {
-    read_parts(file, data, None)
+    Ok(read_parts(file, data, None, false)?.0)
 }
 
-fn read_parts(file: &str, data: &[u8], folder: Option<&Path>) -> Result<Mesh> {
+/// As [`parse`], with texture coordinates.
+pub(crate) fn parse_uv(file: &str, data: &[u8]) -> Result<(Mesh, Texcoords)> {
+    read_parts(file, data, None, true)
+}
+
+fn read_parts(file: &str, data: &[u8], folder: Option<&Path>, uv: bool) -> Result<(Mesh, Texcoords)> {
     let parts = take_apart(file, data)?;
     let root = &parts.root;
     check(file, root)?;
@@ -37,6 +51,7 @@ fn read_parts(file: &str, data: &[u8], folder: Option<&Path>) -> Result<Mesh> {
         root,
         buffers: &buffers,
         mesh: Mesh { name: file.to_owned(), ..Mesh::default() },
+        texcoords: uv.then(Vec::new),
         shared: HashMap::new(),
     };
     if root.nodes.is_empty() {
@@ -47,7 +62,7 @@ fn read_parts(file: &str, data: &[u8], folder: Option<&Path>) -> Result<Mesh> {
     } else {
         reader.add_nodes()?;
     }
-    Ok(reader.mesh)
+    Ok((reader.mesh, reader.texcoords.unwrap_or_default()))
 }
 
 /// Version, and extensions without which positions would be wrong.
@@ -70,6 +85,7 @@ struct Reader<'a> {
     root: &'a Root,
     buffers: &'a Buffers<'a>,
     mesh: Mesh,
+    texcoords: Option<Texcoords>,
     shared: HashMap<usize, usize>, // first vertex of each accessor of positions, within a node
 }
 
@@ -180,6 +196,18 @@ impl Reader<'_> {
             6 => (2..at.len()).for_each(|i| self.mesh.faces.push(&face([at[0], at[i - 1], at[i]]))),
             other => return Err(bad(&format!("mode {other} is none of glTF"))),
         }
+        let (Some(texcoords), Some(a)) = (&mut self.texcoords, p.attributes.texcoord) else {
+            if let Some(texcoords) = &mut self.texcoords {
+                texcoords.resize(self.mesh.faces.indices().len(), None);
+            }
+            return Ok(());
+        };
+        let values = self.buffers.texcoords(a, first)?;
+        if values.len() < n {
+            return Err(bad(&format!("{} texture coordinates for {n} vertices", values.len())));
+        }
+        let new = &self.mesh.faces.indices()[texcoords.len()..];
+        texcoords.extend(new.iter().map(|&v| values.get(v as usize - first).copied()));
         Ok(())
     }
 }

@@ -20,7 +20,7 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 const FAR: f64 = 16.0;
 
 /// A file in the making: the bytes of the buffer, and what the JSON says of them.
-pub(super) struct Document {
+pub(crate) struct Document {
     buffer: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
@@ -93,6 +93,17 @@ impl Document {
         self.accessor(json!({
             "bufferView": view, "componentType": FLOAT, "count": points.len(), "type": "VEC3", "min": min, "max": max
         }))
+    }
+
+    /// Gives the triangles texture coordinates, one a vertex, v downwards.
+    pub fn texcoords(&mut self, uvs: &[[f32; 2]]) {
+        let view = self.view(uvs.as_flattened().iter().map(|x| x.to_le_bytes()), Some(ARRAY_BUFFER));
+        let accessor = self.accessor(json!({
+            "bufferView": view, "componentType": FLOAT, "count": uvs.len(), "type": "VEC2"
+        }));
+        for p in self.primitives.iter_mut().filter(|p| p["mode"] == json!(4)) {
+            p["attributes"]["TEXCOORD_0"] = json!(accessor);
+        }
     }
 
     /// Numbers by themselves, such as times and weights.
