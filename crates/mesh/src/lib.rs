@@ -15,6 +15,7 @@ mod io;
 mod mesh;
 pub mod refine;
 pub mod topology;
+pub mod uv;
 mod vec3;
 pub mod winding;
 

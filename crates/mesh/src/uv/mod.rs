@@ -1,0 +1,3 @@
+//! UV maps of surfaces.
+
+pub mod pack;
