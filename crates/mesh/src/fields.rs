@@ -23,6 +23,8 @@ pub struct Fields {
     /// Arrays over the primary elements: tetrahedra where there are any, else faces, else edges.
     /// Elements of lower dimension in the same file get NaN.
     pub cell: Vec<Field>,
+    /// Colours of the vertices, red, green and blue in sRGB; PLY alone carries them.
+    pub colors: Option<Vec<[u8; 3]>>,
 }
 
 impl Fields {
@@ -33,7 +35,7 @@ impl Fields {
 
     /// Whether there are no arrays.
     pub fn is_empty(&self) -> bool {
-        self.point.is_empty() && self.cell.is_empty()
+        self.point.is_empty() && self.cell.is_empty() && self.colors.is_none()
     }
 
     /// Adds a point array of `components` numbers a vertex.
@@ -45,6 +47,12 @@ impl Fields {
     /// Adds a cell array of `components` numbers an element.
     pub fn cell(&mut self, name: impl Into<String>, components: usize, data: Vec<f64>) -> &mut Self {
         self.cell.push(Field { name: name.into(), components, data });
+        self
+    }
+
+    /// Colours the vertices, one colour each.
+    pub fn colors(&mut self, colors: Vec<[u8; 3]>) -> &mut Self {
+        self.colors = Some(colors);
         self
     }
 
@@ -66,7 +74,14 @@ impl Fields {
                 ));
             }
         }
-        Ok(())
+        match &self.colors {
+            Some(c) if c.len() != mesh.n_verts() => Err(mesh.error(
+                ErrorKind::CountMismatch,
+                format!("{} colours for {} vertices", c.len(), mesh.n_verts()),
+                "give one colour for each vertex",
+            )),
+            _ => Ok(()),
+        }
     }
 }
 

@@ -293,6 +293,7 @@ pub fn not_carried(path: &Path, mesh: &Mesh, fields: &Fields) -> Result<Vec<&'st
         (regions && (surface || format == Npy), "regions"),
         (!fields.point.is_empty() && !matches!(format, Vtk | Vtu | Ply), "point arrays"),
         (!fields.cell.is_empty() && !cell_arrays, "cell arrays"),
+        (fields.colors.is_some() && format != Ply, "colours of vertices"),
         (format == Stl, "vertex numbers"),
         (single && !triangles, "polygons other than triangles"),
         (single, "positions beyond 32 bits"),

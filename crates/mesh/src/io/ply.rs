@@ -273,14 +273,17 @@ fn read_edges(file: &str, element: &Element, n: usize, body: &mut Body<'_>, mesh
     Ok(())
 }
 
-/// Writes binary little-endian with double coordinates; arrays become further properties, those over
-/// cells only where the cells are the faces.
+/// Writes binary little-endian with double coordinates; colours and arrays become further properties, those
+/// over cells only where the cells are the faces.
 pub(crate) fn write(mesh: &Mesh, fields: &Fields, w: &mut dyn Write) -> io::Result<()> {
     let faces = surface_faces(mesh);
     let cell: &[Field] = if mesh.tets.is_empty() && !mesh.faces.is_empty() { &fields.cell } else { &[] };
     let large = faces.iter().any(|p| p.len() > 255);
     writeln!(w, "ply\nformat binary_little_endian 1.0\nelement vertex {}", mesh.points.len())?;
     writeln!(w, "property double x\nproperty double y\nproperty double z")?;
+    if fields.colors.is_some() {
+        writeln!(w, "property uchar red\nproperty uchar green\nproperty uchar blue")?;
+    }
     declare(w, &fields.point)?;
     if !faces.is_empty() {
         let count = if large { "uint" } else { "uchar" };
@@ -302,6 +305,9 @@ pub(crate) fn write(mesh: &Mesh, fields: &Fields, w: &mut dyn Write) -> io::Resu
     for (i, p) in mesh.points.iter().enumerate() {
         for c in p {
             w.write_all(&c.to_le_bytes())?;
+        }
+        if let Some(colors) = &fields.colors {
+            w.write_all(&colors[i])?;
         }
         row(w, &fields.point, i)?;
     }
@@ -370,6 +376,24 @@ mod tests {
         assert_eq!(parse("a.ply", &data).unwrap(), text);
         let e = parse("a.ply", &data[..data.len() - 3]).unwrap_err();
         assert!(matches!(e.kind(), ErrorKind::Truncated | ErrorKind::OversizedClaim), "{e}");
+    }
+
+    #[test]
+    fn colours_are_bytes_between_coordinates_and_arrays() {
+        let mesh = parse("a.ply", TEXT.as_bytes()).unwrap();
+        let mut fields = Fields::none();
+        fields.colors(vec![[1, 2, 3], [4, 5, 6], [7, 8, 9], [255, 0, 10]]).point("distortion", 1, vec![0.5; 4]);
+        let mut data = Vec::new();
+        write(&mesh, &fields, &mut data).unwrap();
+        assert_eq!(parse("a.ply", &data).unwrap(), mesh);
+        let header = data.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        let text = std::str::from_utf8(&data[..header]).unwrap();
+        let order = ["double z", "uchar red", "uchar green", "uchar blue", "double distortion"].map(|p| text.find(p));
+        assert!(order.is_sorted() && order[0].is_some(), "{text}");
+        let last = &data[header + 3 * (24 + 3 + 8)..][24..27];
+        assert_eq!(last, [255, 0, 10]);
+        fields.colors(vec![[0; 3]; 3]);
+        assert!(fields.check(&mesh).unwrap_err().to_string().contains("3 colours for 4 vertices"));
     }
 
     #[test]

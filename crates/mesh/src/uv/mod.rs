@@ -12,6 +12,7 @@ mod fuzz;
 mod gltf;
 mod layout;
 mod obj;
+pub mod pack;
 mod ply;
 
 pub use certificate::{Certificate, CertificateOptions, Distortion, MOST_EXAMPLES, Overlaps, certify, has_rest_area};

@@ -13,19 +13,28 @@
 //! ```
 
 mod camera;
+mod checker;
 mod color;
+mod distortion;
 mod image;
 mod light;
+mod lines;
 mod normals;
 mod raster;
 mod shade;
 #[cfg(test)]
 mod tests;
+mod uv_map;
+#[cfg(test)]
+mod uv_tests;
 mod vec;
 
 pub use camera::Camera;
+pub use checker::{Checker, draw_checkerboard};
 pub use color::{PIN_RED, SAND, blend, colour_map};
+pub use distortion::{FLIPPED, heat_map, singular_values, stretch_color, stretches};
 pub use image::Image;
+pub use uv_map::{UvPicture, draw_uv_map};
 
 use camera::{Frame, View};
 use normals::corner_normals;
@@ -42,12 +51,14 @@ pub struct Model {
     pub triangles: Vec<[u32; 3]>,
     /// sRGB in [0, 1], one for each vertex; missing ones are [`SAND`].
     pub colors: Vec<[f32; 3]>,
+    /// Texture coordinates, instead of colours.
+    pub checker: Option<Checker>,
 }
 
 impl Model {
     /// A model in the default colour.
     pub fn new(points: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Self {
-        Model { points, triangles, colors: Vec::new() }
+        Model { points, triangles, colors: Vec::new(), checker: None }
     }
 
     /// Colours the vertices by numbers in [0, 1] (see [`colour_map`]).
@@ -100,13 +111,15 @@ impl Default for Style {
 struct Body {
     points: Vec<V3>,
     triangles: Vec<[u32; 3]>,
-    normals: Vec<[V3; 3]>, // of the corners of each triangle
-    albedo: Vec<[f32; 3]>, // linear
+    normals: Vec<[V3; 3]>,           // of the corners of each triangle
+    albedo: Vec<[f32; 3]>,           // linear
+    checkers: Vec<(usize, Checker)>, // each with its first triangle
 }
 
 impl Body {
     fn new(scene: &Scene, frame: &Frame, crease: f64) -> Self {
         let (mut points, mut triangles, mut albedo) = (Vec::new(), Vec::new(), Vec::new());
+        let mut checkers = Vec::new();
         for model in &scene.models {
             let first = points.len() as u32;
             points.extend(model.points.iter().map(|&p| frame.inward(p)));
@@ -117,10 +130,25 @@ impl Body {
                 let at = |v: &u32| model.points.get(*v as usize);
                 t.iter().all(|v| at(v).is_some_and(|p| p.iter().all(|c| c.is_finite())))
             };
+            if let Some(checker) = &model.checker {
+                let kept = model.triangles.iter().zip(&checker.uv).filter(|(t, _)| drawable(t)).map(|(_, uv)| *uv);
+                checkers.push((triangles.len(), Checker { uv: kept.collect(), edge: checker.edge }));
+            }
             triangles.extend(model.triangles.iter().filter(drawable).map(|t| t.map(|v| v + first)));
         }
         let normals = corner_normals(&points, &triangles, crease);
-        Body { points, triangles, normals, albedo }
+        Body { points, triangles, normals, albedo, checkers }
+    }
+
+    /// The linear colour of triangle `i` at barycentric coordinates `w`.
+    fn albedo(&self, i: usize, w: [f64; 3]) -> [f32; 3] {
+        let last = self.checkers.partition_point(|(first, _)| *first <= i).checked_sub(1);
+        let checker = last.map(|k| &self.checkers[k]);
+        if let Some(color) = checker.and_then(|(first, checker)| checker.color(i - first, w)) {
+            return color.map(color::to_linear);
+        }
+        let t = self.triangles[i];
+        [0, 1, 2].map(|c| (0..3).map(|k| w[k] as f32 * self.albedo[t[k] as usize][c]).sum())
     }
 }
 

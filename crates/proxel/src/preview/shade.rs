@@ -135,7 +135,7 @@ impl<'a> Shader<'a> {
         if dot(n, ray) > 0.0 {
             n = scale(-1.0, n); // both sides are drawn
         }
-        let albedo = [0, 1, 2].map(|k| mix(&|j| self.body.albedo[t[j] as usize][k]));
+        let albedo = self.body.albedo(i, w);
         let open = mix(&|j| self.open[t[j] as usize]).clamp(0.0, 1.0);
 
         let up = dot(n, self.view.up) as f32;

@@ -57,6 +57,7 @@ fn the_nearer_surface_hides_the_farther() {
         points: vec![[-1.0, -1.0, z], [1.0, -1.0, z], [1.0, 1.0, z], [-1.0, 1.0, z]],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         colors: vec![color; 4],
+        checker: None,
     };
     let (red, green) = (square(0.1, [1.0, 0.0, 0.0]), square(-0.1, [0.0, 1.0, 0.0]));
     for models in [vec![red.clone(), green.clone()], vec![green, red]] {
