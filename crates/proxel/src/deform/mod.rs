@@ -196,6 +196,7 @@ fn deform_here(
         threads,
         reactions: sums(input, &body, &reaction, &run.contacts),
         lattice: None,
+        map: None,
     };
     let (status, repaired_tets) = (outcome.status, body.repaired_tets());
     Ok(Deformation { positions, start, status, report, repaired_tets, reaction, carried: None })
