@@ -46,8 +46,11 @@ where
 }
 
 fn admm(problem: Problem, global: impl GlobalStep + 'static, reweighting: Option<Reweighting>) -> Admm {
-    Admm::new(problem, AdmmSettings { name: "test".to_string(), global: Box::new(global), reweighting, renewed_at: None })
-        .expect("a pinned beam")
+    Admm::new(
+        problem,
+        AdmmSettings { name: "test".to_string(), global: Box::new(global), reweighting, renewed_at: None },
+    )
+    .expect("a pinned beam")
 }
 
 /// L-BFGS as in Nocedal and Wright, Algorithm 7.4 and 7.5, with H0 = A^-1 and unit steps, on the energy itself.

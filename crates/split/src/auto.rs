@@ -2,7 +2,7 @@
 
 use crate::{
     Admm, AdmmSettings, EnergyReport, Evaluation, FactorCost, Hessian, LinearSolver, Method, Newton, NewtonSettings,
-    NormalMatrix, Problem, Residuals, StepReport, SystemError,
+    NormalMatrix, Problem, Projection, ProjectionRule, Relax, Residuals, StepReport, SystemError, Untangle,
 };
 
 /// Settings of [`Auto`].
@@ -19,6 +19,8 @@ pub struct AutoSettings {
     /// Iterations after which Newton is tried anyway: from the start of the problem where that has no inverted elements
     /// and the splitting has got into some that it does not leave, else from where the splitting is.
     pub longest: usize,
+    /// Iterations that may bring no fewer inverted elements before a relaxed energy is turned to, where there is one.
+    pub patience: usize,
     /// Iterations of the splitting after Newton has failed the first time; twice as many each further time.
     pub retreat: usize,
 }
@@ -148,6 +150,7 @@ const CLOSE: f64 = 1e-10;
 /// One of the two, at work.
 enum Phase {
     Splitting(Box<Admm>),
+    Untangling(Box<Untangle>, AdmmSettings),
     Newton(Box<Newton>, AdmmSettings),
     /// Between them; only after an error.
     Nothing,
@@ -169,11 +172,20 @@ pub struct Auto {
     begun: usize,    // when the splitting began
     retreats: usize, // how often Newton failed
     short: usize,    // Newton steps in a row that were cut to almost nothing
+    relax: Option<Box<dyn Relax>>,
+    fewest: u64,   // inverted elements so far
+    waited: usize, // iterations since then
 }
 
 /// A Newton step cut to this part of its length, some times in a row, leads nowhere.
 const SHORT: f64 = 0.02;
 const SHORT_STEPS: usize = 4;
+
+/// Part of the elements that may be inverted for a relaxed energy to be of use.
+const FEW: f64 = 0.02;
+
+/// Most conjugate-gradient steps of an iteration on a relaxed energy that cannot be factored: it need not be exact.
+const UNTANGLING: usize = 30;
 
 /// Retreats are doubled up to this many times.
 const DOUBLINGS: usize = 6;
@@ -220,7 +232,17 @@ impl Auto {
             begun: iteration,
             retreats: 0,
             short: 0,
+            relax: None,
+            fewest: u64::MAX,
+            waited: 0,
         }
+    }
+
+    /// With a relaxed energy that leads out of inverted elements where the splitting does not.
+    #[must_use]
+    pub fn with_relaxation(mut self, relax: Box<dyn Relax>) -> Self {
+        self.relax = Some(relax);
+        self
     }
 
     /// What it has worked with, for another method to go on; none after an error.
@@ -228,6 +250,10 @@ impl Auto {
         match self.phase {
             Phase::Splitting(admm) => {
                 let (problem, normal, x, admm) = admm.into_parts();
+                Some(Parts { problem, normal, x, admm, hessian: None })
+            }
+            Phase::Untangling(untangle, admm) => {
+                let (problem, normal, x) = untangle.into_parts();
                 Some(Parts { problem, normal, x, admm, hessian: None })
             }
             Phase::Newton(newton, admm) => {
@@ -266,6 +292,75 @@ impl Auto {
         Ok(())
     }
 
+    /// Whether the splitting no longer gets rid of inverted elements.
+    fn is_tangled(&mut self) -> bool {
+        let inverted = self.energy().inverted;
+        if self.relax.is_none() || !self.problem().barrier || self.iteration < self.until || inverted == 0 {
+            return false;
+        }
+        self.waited = if inverted < self.fewest { 0 } else { self.waited + 1 };
+        self.fewest = self.fewest.min(inverted);
+        self.waited >= self.settings.patience
+    }
+
+    /// Few inverted elements are turned by a relaxed energy; of many, that makes more. Then Newton goes on from the start, if
+    /// nothing is inverted there.
+    fn leave_tangle(&mut self) -> Result<(), SystemError> {
+        let inverted = self.energy().inverted as f64;
+        let elements: usize = self.problem().terms.iter().map(|term| term.n_elems()).sum();
+        if inverted > FEW * elements as f64 && self.is_start_fair() {
+            return self.enter_newton();
+        }
+        self.enter_untangling()
+    }
+
+    fn is_start_fair(&mut self) -> bool {
+        let Phase::Splitting(admm) = &mut self.phase else { return false };
+        let problem = admm.problem_mut();
+        let start = std::mem::take(&mut problem.x0);
+        let inverted = problem.energy(&start, None).inverted;
+        problem.x0 = start;
+        inverted == 0
+    }
+
+    fn enter_untangling(&mut self) -> Result<(), SystemError> {
+        let Some(relaxed) = self.relax.as_ref().map(|relax| relax.relaxed()).transpose()? else { return Ok(()) };
+        if let Phase::Splitting(admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
+            let (problem, normal, x, admm) = admm.into_parts();
+            let settings = NewtonSettings {
+                projection: ProjectionRule::Always(Projection::Clamp),
+                warp: false,
+                guarded: false,
+                max_inner: UNTANGLING,
+                ..self.settings.newton.clone()
+            };
+            let untangle = Untangle::new(problem, relaxed, normal, x, settings, self.iteration)?;
+            self.phase = Phase::Untangling(Box::new(untangle), admm);
+            self.begun = self.iteration;
+        }
+        Ok(())
+    }
+
+    /// After a step of untangling.
+    fn leave_untangling(&mut self, report: &StepReport) -> Result<(), SystemError> {
+        let done = self.energy().inverted == 0;
+        if !(done || !report.accepted || self.iteration - self.begun >= self.settings.longest) {
+            return Ok(());
+        }
+        if let Phase::Untangling(untangle, admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
+            let (problem, normal, x) = untangle.into_parts();
+            self.phase = Phase::Splitting(Box::new(Admm::resume(problem, normal, x, admm, self.iteration)));
+            self.fewest = u64::MAX;
+            self.waited = 0;
+            if !done {
+                // One way out is left: from the start, where nothing was inverted, if it was not.
+                self.relax = None;
+            }
+            self.enter_newton()?;
+        }
+        Ok(())
+    }
+
     fn enter_splitting(&mut self) {
         if let Phase::Newton(newton, admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
             let (problem, normal, x) = newton.into_parts();
@@ -297,6 +392,7 @@ impl Auto {
     fn method(&self) -> Option<&dyn Method> {
         match &self.phase {
             Phase::Splitting(admm) => Some(admm.as_ref()),
+            Phase::Untangling(untangle, _) => Some(untangle.as_ref()),
             Phase::Newton(newton, _) => Some(newton.as_ref()),
             Phase::Nothing => None,
         }
@@ -305,6 +401,7 @@ impl Auto {
     fn method_mut(&mut self) -> Option<&mut dyn Method> {
         match &mut self.phase {
             Phase::Splitting(admm) => Some(admm.as_mut()),
+            Phase::Untangling(untangle, _) => Some(untangle.as_mut()),
             Phase::Newton(newton, _) => Some(newton.as_mut()),
             Phase::Nothing => None,
         }
@@ -328,6 +425,10 @@ impl Method for Auto {
             if self.is_lost(&report) {
                 self.enter_splitting();
             }
+        } else if matches!(self.phase, Phase::Untangling(..)) {
+            self.leave_untangling(&report)?;
+        } else if self.is_tangled() {
+            self.leave_tangle()?;
         } else if self.is_time() {
             self.enter_newton()?;
         }
@@ -373,6 +474,7 @@ impl Method for Auto {
     fn into_problem(self: Box<Self>) -> Problem {
         match self.phase {
             Phase::Splitting(admm) => admm.into_problem(),
+            Phase::Untangling(untangle, _) => untangle.into_problem(),
             Phase::Newton(newton, _) => newton.into_problem(),
             Phase::Nothing => self.empty,
         }
@@ -396,7 +498,7 @@ mod tests {
             shift: 0.0,
             guarded: false,
         };
-        AutoSettings { newton, eager: false, gain: 0.1, window: 2, longest: 50, retreat: 4 }
+        AutoSettings { newton, eager: false, patience: 3, gain: 0.1, window: 2, longest: 50, retreat: 4 }
     }
 
     #[test]

@@ -40,6 +40,7 @@ mod reweight;
 mod run;
 mod system;
 mod term;
+mod untangle;
 pub mod vector;
 
 pub use accelerated::{AaAdmm, Aadr, Accelerated, Acceleration, CombinedResidual, Envelope, Merit};
@@ -73,3 +74,4 @@ pub use run::{
 };
 pub use system::{NormalMatrix, Precision, SystemError};
 pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
+pub use untangle::{Dial, Relax, Untangle};

@@ -108,7 +108,11 @@ impl Reweighting {
 
     /// Parameterization, W section 6.2.
     pub fn parameterization() -> Self {
-        Reweighting { range: Range::Growing { from: 1, first: 15.0, growth: 1.5, cap: 1e9 }, trigger: 1.5, hardening: None }
+        Reweighting {
+            range: Range::Growing { from: 1, first: 15.0, growth: 1.5, cap: 1e9 },
+            trigger: 1.5,
+            hardening: None,
+        }
     }
 }
 

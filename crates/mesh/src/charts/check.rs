@@ -22,7 +22,9 @@ impl Chart {
             Err(defect) => return Some(defect),
         };
         let mut next = vec![NONE; n];
-        found.iter().for_each(|&h| next[surface.vertex[h as usize] as usize] = surface.vertex[surface.next(h) as usize]);
+        found
+            .iter()
+            .for_each(|&h| next[surface.vertex[h as usize] as usize] = surface.vertex[surface.next(h) as usize]);
         let mut listed = 0;
         for l in &self.loops {
             for k in 0..l.len() {

@@ -8,7 +8,12 @@ use super::limbs::Limbs;
 use super::{ChartOptions, handles, limbs, plural};
 
 /// Opens every connected part that is closed or has handles. Parts of genus 0 with a boundary stay as they are.
-pub(super) fn open_parts(surface: &mut HalfEdges, metric: &Metric<'_>, options: &ChartOptions, repairs: &mut Vec<String>) {
+pub(super) fn open_parts(
+    surface: &mut HalfEdges,
+    metric: &Metric<'_>,
+    options: &ChartOptions,
+    repairs: &mut Vec<String>,
+) {
     let (part, n_parts) = surface.components();
     let cells = by_group(&part, n_parts);
     let (mut closed, mut handled) = (0, 0);
@@ -35,10 +40,16 @@ pub(super) fn open_parts(surface: &mut HalfEdges, metric: &Metric<'_>, options: 
         }
     }
     if closed > 0 {
-        repairs.push(format!("{} no boundary: cut open", plural(closed, "part of the surface has", "parts of the surface have")));
+        repairs.push(format!(
+            "{} no boundary: cut open",
+            plural(closed, "part of the surface has", "parts of the surface have")
+        ));
     }
     if handled > 0 {
-        repairs.push(format!("{} handles: cut along them", plural(handled, "part of the surface has", "parts of the surface have")));
+        repairs.push(format!(
+            "{} handles: cut along them",
+            plural(handled, "part of the surface has", "parts of the surface have")
+        ));
     }
 }
 

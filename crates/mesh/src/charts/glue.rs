@@ -23,7 +23,13 @@ pub(super) struct Orientation {
 impl<'a> Gluing<'a> {
     /// Glues the two sides of each edge of two taken faces that is no seam, and the best pairs at edges of more.
     /// Returns it with the edges of three faces and more.
-    pub fn new(mesh: &'a Mesh, roles: &[Role], edges: &Edges, seams: &[[u32; 2]], metric: &Metric<'_>) -> (Self, Vec<[u32; 2]>) {
+    pub fn new(
+        mesh: &'a Mesh,
+        roles: &[Role],
+        edges: &Edges,
+        seams: &[[u32; 2]],
+        metric: &Metric<'_>,
+    ) -> (Self, Vec<[u32; 2]>) {
         let faces = &mesh.faces;
         let mut face = Vec::with_capacity(faces.indices().len());
         faces.iter().enumerate().for_each(|(f, p)| face.extend(std::iter::repeat_n(f as u32, p.len())));
@@ -105,8 +111,7 @@ impl<'a> Gluing<'a> {
     /// where the fronts meet. Then the direction of most faces of a part wins.
     pub fn orient(&self, roles: &[Role]) -> Orientation {
         let n = self.faces.len();
-        let mut out =
-            Orientation { reversed: vec![false; n], component: vec![NONE; n], conflicts: Vec::new() };
+        let mut out = Orientation { reversed: vec![false; n], component: vec![NONE; n], conflicts: Vec::new() };
         let mut queue: Vec<u32> = Vec::new();
         let mut count = 0;
         for first in 0..n {

@@ -30,8 +30,9 @@ const CONCAVE_COST: f64 = 0.4;
 impl Graph {
     /// The graph over the nodes that `node` gives for the start of each half-edge.
     pub fn new(surface: &HalfEdges, node: &[u32], n: usize, metric: &Metric<'_>) -> Self {
-        let half_edge: Vec<u32> =
-            (0..surface.len() as u32).filter(|&h| surface.mate[h as usize] != NONE && h < surface.mate[h as usize]).collect();
+        let half_edge: Vec<u32> = (0..surface.len() as u32)
+            .filter(|&h| surface.mate[h as usize] != NONE && h < surface.mate[h as usize])
+            .collect();
         let ends: Vec<[u32; 2]> =
             half_edge.iter().map(|&h| [node[h as usize], node[surface.next(h) as usize]]).collect();
         let polygon = |cell: usize| &surface.vertex[surface.side(cell)];

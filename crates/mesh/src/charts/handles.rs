@@ -47,10 +47,8 @@ fn from_base(surface: &HalfEdges, graph: &Graph, base: u32) -> Vec<u32> {
         let [a, b] = graph.ends[e as usize];
         distance(a).saturating_add(distance(b)).saturating_add(graph.cost[e as usize])
     };
-    let mut rest: Vec<(Reverse<u64>, u32)> = (0..graph.ends.len() as u32)
-        .filter(|&e| !in_tree[e as usize])
-        .map(|e| (Reverse(sigma(e)), e))
-        .collect();
+    let mut rest: Vec<(Reverse<u64>, u32)> =
+        (0..graph.ends.len() as u32).filter(|&e| !in_tree[e as usize]).map(|e| (Reverse(sigma(e)), e)).collect();
     rest.sort_unstable();
     let mut cells = Sets::new(surface.n_cells());
     let mut marked = vec![false; graph.ends.len()];

@@ -28,7 +28,14 @@ const MOST_ROUNDS: usize = 12;
 
 /// The edges of a tree, or of `given` (a connected set, of the handles) and branches from it; ascending.
 /// `node` is the vertex of each half-edge.
-pub(super) fn open(surface: &HalfEdges, node: &[u32], graph: &Graph, given: &[u32], limbs: Limbs, metric: &Metric<'_>) -> Vec<u32> {
+pub(super) fn open(
+    surface: &HalfEdges,
+    node: &[u32],
+    graph: &Graph,
+    given: &[u32],
+    limbs: Limbs,
+    metric: &Metric<'_>,
+) -> Vec<u32> {
     let shape = Shape::new(surface, node, graph.n, metric);
     let mut terminals = Vec::new();
     let mut cut = given.to_vec();

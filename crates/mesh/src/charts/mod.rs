@@ -180,8 +180,7 @@ fn orient(
         surface.half_edges.close_slits(&fan);
         let doubled = doubles::doubled_faces(&surface, &fan, edges, branching);
         if doubled.is_empty() {
-            out.reversed_faces =
-                (0..roles.len() as u32).filter(|&f| orientation.reversed[f as usize]).collect();
+            out.reversed_faces = (0..roles.len() as u32).filter(|&f| orientation.reversed[f as usize]).collect();
             if let Some(&first) = isolated.first() {
                 out.repairs.push(counted(
                     isolated.len(),

@@ -62,10 +62,11 @@ pub(super) fn seams(mesh: &Mesh, edges: &Edges, roles: &[Role], places: &[Option
     };
     let mut out = Vec::new();
     for (edge, sides) in edges.iter() {
-        let mut ends = sides.iter().map(|&i| i as u32).filter(|&c| roles[face[c as usize] as usize] == Role::Taken).map(|c| {
-            let (here, there) = (places[c as usize], places[next(c) as usize]);
-            if faces.indices()[c as usize] == edge[0] { (here, there) } else { (there, here) }
-        });
+        let mut ends =
+            sides.iter().map(|&i| i as u32).filter(|&c| roles[face[c as usize] as usize] == Role::Taken).map(|c| {
+                let (here, there) = (places[c as usize], places[next(c) as usize]);
+                if faces.indices()[c as usize] == edge[0] { (here, there) } else { (there, here) }
+            });
         if let Some(first) = ends.next()
             && ends.any(|e| e != first)
         {
@@ -102,6 +103,7 @@ pub(super) fn report_vertices(mesh: &Mesh, roles: &[Role], out: &mut Charts) {
         out.places[w[0]..w[1]].iter().any(Option::is_none)
     });
     if let Some((f, _)) = lost {
-        out.warnings.push(format!("some corners of faces that were left out have no place in the map, the first in face {f}"));
+        out.warnings
+            .push(format!("some corners of faces that were left out have no place in the map, the first in face {f}"));
     }
 }

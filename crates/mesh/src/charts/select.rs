@@ -23,7 +23,10 @@ pub(super) fn roles(mesh: &Mesh) -> Vec<Role> {
         .collect();
     // Copies agree in their smallest vertex, their size and the sum of their vertices; few others do.
     let key = |p: &[u32]| {
-        let sum: u64 = p.iter().map(|&v| u64::from(v).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(23)).fold(0, u64::wrapping_add);
+        let sum: u64 = p
+            .iter()
+            .map(|&v| u64::from(v).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(23))
+            .fold(0, u64::wrapping_add);
         sum.wrapping_add(p.len() as u64)
     };
     let mut keys: Vec<(u64, u32)> = (0..mesh.faces.len())
@@ -56,7 +59,13 @@ pub(super) fn describe(mesh: &Mesh, roles: &[Role], repairs: &mut Vec<String>) {
         all.next().map(|first| (1 + all.count(), first))
     };
     if let Some((n, first)) = left(true) {
-        repairs.push(counted(n, first, "has fewer than three corners", "have fewer than three corners", "left out of the map"));
+        repairs.push(counted(
+            n,
+            first,
+            "has fewer than three corners",
+            "have fewer than three corners",
+            "left out of the map",
+        ));
     }
     if let Some((n, first)) = left(false) {
         repairs.push(counted(n, first, "uses a vertex twice", "use a vertex twice", "left out of the map"));
@@ -64,7 +73,13 @@ pub(super) fn describe(mesh: &Mesh, roles: &[Role], repairs: &mut Vec<String>) {
     let mut copies = (0..roles.len()).filter(|&f| matches!(roles[f], Role::CopyOf(_)));
     if let Some(first) = copies.next() {
         let n = 1 + copies.count();
-        repairs.push(counted(n, first, "repeats an earlier face", "repeat earlier faces", "mapped with the first of their kind"));
+        repairs.push(counted(
+            n,
+            first,
+            "repeats an earlier face",
+            "repeat earlier faces",
+            "mapped with the first of their kind",
+        ));
     }
 }
 

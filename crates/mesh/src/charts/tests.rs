@@ -1,1 +1,4 @@
-#[test] fn nothing() { assert_eq!(1+1,2); }
+#[test]
+fn nothing() {
+    assert_eq!(1 + 1, 2);
+}

@@ -133,13 +133,7 @@ impl<const D: usize, const K: usize> Rest<D, K> {
         Ok(rest)
     }
 
-    fn push(
-        &mut self,
-        element: usize,
-        inverse: [[f64; K]; K],
-        determinant: f64,
-        key: u64,
-    ) -> Result<(), ElementError> {
+    fn push(&mut self, element: usize, inverse: [[f64; K]; K], determinant: f64, key: u64) -> Result<(), ElementError> {
         let factorial = [1.0, 1.0, 2.0, 6.0][K];
         let measure = determinant / factorial;
         let finite = inverse.iter().flatten().all(|v| v.is_finite());

@@ -185,7 +185,7 @@ pub(super) fn build(
         shape: cells.shape(settings.planar),
         positions: x,
         flattened: None,
-elements: &elements,
+        elements: &elements,
         fill: fill.as_deref(),
         energy: &material.energy,
         lame: &lame,

@@ -52,7 +52,7 @@ impl Harmonic {
                 shape: cells.shape(dim == 2),
                 positions: rest,
                 flattened: None,
-elements: corners.corners(),
+                elements: corners.corners(),
                 fill: None,
                 energy: "arap",
                 lame: &lame,

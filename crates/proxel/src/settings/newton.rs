@@ -92,6 +92,7 @@ impl NewtonSettings {
         AutoSettings {
             newton: self.of(MethodName::Auto),
             eager: false,
+            patience: usize::MAX,
             gain: self.gain,
             window: self.window,
             longest: self.longest,

@@ -198,6 +198,8 @@ pub struct UnwrapSettings {
     pub bcqn: QuasiNewton,
     /// Settings of the methods of Newton's kind.
     pub newton: NewtonSettings,
+    /// Iterations that may bring no fewer flipped triangles before `auto` and `wrapd+cm` turn to a relaxed energy.
+    pub patience: usize,
     /// Iterations of the splitting after which `auto` and `wrapd+cm` give up hope that it will turn the last flipped triangle, and
     /// go on from the start where that has none.
     pub longest: usize,
@@ -233,6 +235,7 @@ impl Default for UnwrapSettings {
             admm: MapSplitting::default(),
             bcqn: QuasiNewton { shrink: 0.8, ..QuasiNewton::zhu() },
             newton: NewtonSettings::default(),
+            patience: 2,
             longest: 30,
             shift: 1e-8,
             proximal: 1e-4,
@@ -279,6 +282,7 @@ impl UnwrapSettings {
         AutoSettings {
             newton: self.newton(),
             eager: true,
+            patience: self.patience,
             gain: self.newton.gain,
             window: self.newton.window,
             longest: self.longest,

@@ -6,12 +6,16 @@ use super::start::{Start, Weights, start};
 use super::{Hooks, MapRow, UnwrapError, UnwrapInput};
 use crate::settings::{UnwrapMethod, UnwrapSettings};
 use proxel_mesh::charts::{Chart, Charts};
-use proxel_model::elements::{Batch, BatchShape, BatchWeights, Flattened, batch, morton};
-use proxel_model::energy::Lame;
-use proxel_split::{
-    Admm, AdmmSettings, Auto, Cancel, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method, Newton,
-    NoProgress, Observer, Outcome, Problem, Quadratic, QuasiNewton, Residuals, Status, StepReport, Stop, SystemError,
+use proxel_model::elements::{
+    Batch, BatchShape, BatchWeights, ElementError, Elements, Flattened, Polar, Rest, batch, morton,
 };
+use proxel_model::energy::{Energy, Lame, RelaxedSymmetricDirichlet, SymmetricDirichlet};
+use proxel_split::{
+    Admm, AdmmSettings, Auto, Cancel, Dial, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method,
+    Newton, NoProgress, Observer, Outcome, Problem, Quadratic, QuasiNewton, Relax, Residuals, Status, StepReport, Stop,
+    SystemError,
+};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Steps that a method may refuse in a row.
@@ -122,6 +126,11 @@ impl Order {
         x
     }
 
+    /// The triangles, in the solver's numbers.
+    fn elements(&self, chart: &Flat<'_>) -> Vec<u32> {
+        chart.triangles.iter().flatten().map(|v| self.number[*v as usize]).collect()
+    }
+
     fn user(&self, x: &[f64]) -> Vec<[f64; 2]> {
         self.number.iter().map(|at| [x[2 * *at as usize], x[2 * *at as usize + 1]]).collect()
     }
@@ -167,7 +176,8 @@ pub(super) fn solve(
     if problem.n_free == 0 {
         return Ok(ChartMap { uv: in_units(chart, &start.uv, input), ..held(chart, &start.uv) });
     }
-    let mut method = method(problem, settings).map_err(|e| UnwrapError(e.to_string()))?;
+    let relaxed = Relaxed::new(chart, &order, input, settings);
+    let mut method = method(problem, relaxed, settings).map_err(|e| UnwrapError(e.to_string()))?;
     let mut tolerance = GradientTolerance::new(settings.tol, method.as_mut());
     let reference_gradient = tolerance.reference();
     let mut limit = IterationLimit(settings.max_iters);
@@ -301,15 +311,12 @@ fn problem(
     settings: &UnwrapSettings,
 ) -> Result<Problem, UnwrapError> {
     let lame = Lame::new(MODULUS, 0.0).map_err(|e| UnwrapError(e.to_string()))?;
-    let elements: Vec<u32> = chart.triangles.iter().flatten().map(|v| order.number[*v as usize]).collect();
-    let center = |t: &[u32; 3]| [0, 1, 2].map(|d| t.map(|v| chart.points[v as usize][d] / 3.0).iter().sum());
-    let centers: Vec<[f64; 3]> = chart.triangles.iter().map(center).collect();
     let scale = settings.admm.weight_scale;
     let (term, barrier) = batch(&Batch {
         shape: BatchShape::PlanarTriangles,
         positions: &[],
-        flattened: Some(Flattened { shapes: &chart.shapes, centers: &centers, n_nodes: chart.points.len() }),
-        elements: &elements,
+        flattened: Some(Flattened { shapes: &chart.shapes, centers: &centers(chart), n_nodes: chart.points.len() }),
+        elements: &order.elements(chart),
         fill: input.weights.as_deref(),
         energy: &settings.energy,
         lame: &lame,
@@ -329,8 +336,65 @@ fn problem(
     })
 }
 
+/// The middles of the triangles in space.
+fn centers(chart: &Flat<'_>) -> Vec<[f64; 3]> {
+    let center = |t: &[u32; 3]| [0, 1, 2].map(|d| t.map(|v| chart.points[v as usize][d] / 3.0).iter().sum());
+    chart.triangles.iter().map(center).collect()
+}
+
+/// What [`Untangle`](proxel_split::Untangle) minimises: the same triangles with an energy that is finite where they are
+/// turned over.
+struct Relaxed {
+    shapes: Arc<[[[f64; 2]; 2]]>,
+    centers: Vec<[f64; 3]>,
+    elements: Vec<u32>,
+    weights: Option<Vec<f64>>,
+    x0: Vec<f64>,
+    n_free: usize,
+}
+
+impl Relaxed {
+    /// None where the energy has no relaxed form, or needs none.
+    fn new(chart: &Flat<'_>, order: &Order, input: &ChartInput<'_>, settings: &UnwrapSettings) -> Option<Self> {
+        (settings.energy == <SymmetricDirichlet as Energy<2>>::NAME).then(|| Relaxed {
+            shapes: chart.shapes.clone(),
+            centers: centers(chart),
+            elements: order.elements(chart),
+            weights: input.weights.clone(),
+            x0: vec![0.0; 2 * chart.points.len()],
+            n_free: order.n_free,
+        })
+    }
+}
+
+impl Relax for Relaxed {
+    fn relaxed(&self) -> Result<(Problem, Dial), SystemError> {
+        let refuse = |e: ElementError| SystemError::Factor(e.to_string());
+        let n = self.x0.len() / 2;
+        let mut rest = Rest::<2, 2>::of_shapes(&self.shapes, &self.centers, &self.elements, n).map_err(refuse)?;
+        if let Some(weights) = &self.weights {
+            rest = rest.filled(|t| weights[t]).map_err(refuse)?;
+        }
+        let dial = Dial::new(1.0);
+        let energy = RelaxedSymmetricDirichlet { scale: 0.5 * MODULUS, epsilon: dial.clone() };
+        let problem = Problem {
+            dim: 2,
+            n_free: self.n_free,
+            x0: self.x0.clone(),
+            terms: vec![Box::new(Elements::<2, 2, Polar>::new(&rest, energy, 2.0 * MODULUS))],
+            quadratic: Quadratic::default(),
+            barrier: false,
+        };
+        Ok((problem, dial))
+    }
+}
+
 /// Puts the method together: parts, no special cases.
-fn method(problem: Problem, settings: &UnwrapSettings) -> Result<Box<dyn Method>, SystemError> {
+fn method(
+    problem: Problem,
+    relaxed: Option<Relaxed>,
+    settings: &UnwrapSettings,
+) -> Result<Box<dyn Method>, SystemError> {
     use UnwrapMethod::{Akvf, Auto as AutoName, Bcqn, Cm, Newton as NewtonName, ProjectedNewton, Slim, WrapdCm};
     let name = settings.method;
     Ok(match name {
@@ -351,7 +415,13 @@ fn method(problem: Problem, settings: &UnwrapSettings) -> Result<Box<dyn Method>
                 },
             )?;
             match name {
-                AutoName | WrapdCm => Box::new(Auto::new(name.as_str().to_string(), admm, settings.auto())),
+                AutoName | WrapdCm => {
+                    let auto = Auto::new(name.as_str().to_string(), admm, settings.auto());
+                    Box::new(match relaxed {
+                        Some(relaxed) => auto.with_relaxation(Box::new(relaxed)),
+                        None => auto,
+                    })
+                }
                 _ => Box::new(admm),
             }
         }
@@ -375,7 +445,12 @@ impl Observer for Watcher<'_, '_, '_> {
         if let Some(progress) = self.hooks.progress.as_deref_mut() {
             let energy = method.energy();
             let value = 1.0 + energy.value / MODULUS;
-            progress(&super::Progress { iteration: report.iteration, seconds, energy: value, inverted: energy.inverted });
+            progress(&super::Progress {
+                iteration: report.iteration,
+                seconds,
+                energy: value,
+                inverted: energy.inverted,
+            });
         }
         if self.hooks.traced {
             let evaluation = method.evaluate();

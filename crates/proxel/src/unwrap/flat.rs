@@ -1,6 +1,7 @@
 //! A chart with the rest shapes of its triangles in the plane, and what is measured on it.
 
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A triangle whose height is less than this part of its longest side has no shape in f64.
 const THIN: f64 = 1e-10;
@@ -20,7 +21,7 @@ pub struct Flat<'a> {
     /// Its border, longest loop first.
     pub loops: &'a [Vec<u32>],
     /// Rest edges from corner 0, as columns, each triangle in a frame of its own.
-    pub shapes: Vec<[[f64; 2]; 2]>,
+    pub shapes: Arc<[[[f64; 2]; 2]]>,
     /// Triangles that have no shape of their own in space and were given a small one; sorted. They count in no energy.
     pub degenerate: Vec<u32>,
     /// Length of a unit of the user's in units of the shapes: 1 / sqrt(area).
@@ -43,7 +44,7 @@ impl<'a> Flat<'a> {
             let sides = raw[*t as usize].sides.map(|side| side + PADDING * mean);
             shapes[*t as usize] = from_sides(sides).map(|row| row.map(|v| v * scale));
         }
-        Some(Flat { points, triangles, loops, shapes, degenerate, scale })
+        Some(Flat { points, triangles, loops, shapes: shapes.into(), degenerate, scale })
     }
 
     /// Whether a triangle has a shape of its own, so that it counts in energies.

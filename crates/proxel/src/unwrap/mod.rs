@@ -81,11 +81,7 @@ pub struct Unwrapped {
 /// # Errors
 /// Input that cannot be mapped at all: no faces, coordinates that are not finite, indices out of range, seams that are no
 /// edges, a method that cannot begin.
-pub fn unwrap(
-    input: &UnwrapInput,
-    settings: &UnwrapSettings,
-    hooks: &mut Hooks<'_>,
-) -> Result<Unwrapped, UnwrapError> {
+pub fn unwrap(input: &UnwrapInput, settings: &UnwrapSettings, hooks: &mut Hooks<'_>) -> Result<Unwrapped, UnwrapError> {
     let began = Instant::now();
     settings.check().map_err(UnwrapError)?;
     let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));

@@ -139,7 +139,7 @@ impl Circle {
                 edges.push(([i, j], Spring { weight, border }));
             }
         };
-        for (t, shape) in chart.triangles.iter().zip(&chart.shapes) {
+        for (t, shape) in chart.triangles.iter().zip(chart.shapes.iter()) {
             // Columns of the shape are edges from corner 0.
             let p = [[0.0, 0.0], [shape[0][0], shape[1][0]], [shape[0][1], shape[1][1]]];
             let area2 = shape[0][0] * shape[1][1] - shape[0][1] * shape[1][0];

@@ -9,7 +9,8 @@ pub use hessian::{FactorCost, Hessian};
 pub use search::{Found, Search};
 
 use crate::{
-    EnergyReport, Evaluation, InversionGuard, LocalReport, Method, NormalMatrix, Problem, Projection, StepReport, SystemError, vector,
+    EnergyReport, Evaluation, InversionGuard, LocalReport, Method, NormalMatrix, Problem, Projection, StepReport,
+    SystemError, vector,
 };
 
 /// How a Newton system is solved.
@@ -162,6 +163,11 @@ impl Newton {
     /// The same with the Hessian, as it was assembled and factored last.
     pub fn into_parts_with_hessian(self) -> (Problem, NormalMatrix, Vec<f64>, Hessian) {
         (self.problem, self.normal, self.x, self.hessian)
+    }
+
+    /// Forgets what it knows of the energy at x, after the energy has changed.
+    pub fn forget(&mut self) {
+        self.evaluation = None;
     }
 
     /// How the last step was found.
@@ -346,8 +352,15 @@ impl Method for Newton {
         let d = &self.cg.d;
         let slope = vector::dot(&self.grad, d);
         let normal = if self.settings.warp { Some(&mut self.normal) } else { None };
-        let found =
-            self.search.run(&mut self.problem, normal, &self.x, d, first, start.energy.value, (slope, solved.curvature))?;
+        let found = self.search.run(
+            &mut self.problem,
+            normal,
+            &self.x,
+            d,
+            first,
+            start.energy.value,
+            (slope, solved.curvature),
+        )?;
         self.last = found;
         self.last_gradient = start.gradient_norm;
         let mut accepted = found.energy.is_some();
