@@ -11,8 +11,9 @@ use proxel::settings::DeformSettings;
 
 use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
+use crate::unwrap::UnwrapArgs;
 
-/// Poses elastic bodies: minimises deformation energies under constraints by rotation-aware ADMM.
+/// Poses elastic bodies and flattens surfaces: minimises deformation energies under constraints.
 #[derive(Parser)]
 #[command(name = "proxel", version, arg_required_else_help = true, after_help = EXAMPLES)]
 struct Cli {
@@ -25,6 +26,7 @@ Examples:
   proxel demo                                           pose the built-in octopus, no files needed
   proxel info body.mesh                                 what a mesh is, and what is wrong with it
   proxel deform body.node --pins hands.toml --out posed.vtu
+  proxel unwrap spot.obj --out spot-uv.obj              texture coordinates
   proxel convert body.msh --out body.vtu --refine 1
 
 Exit status: 0 converged or done, 1 failed, 2 bad input, 3 stopped before convergence, 130 cancelled.
@@ -35,6 +37,8 @@ Mesh formats, by extension: TetGen .node/.ele, Medit .mesh, Gmsh .msh, .vtk, .vt
 pub enum Command {
     /// Find the pose of least elastic energy under pins and loads.
     Deform(Box<DeformArgs>),
+    /// Map a surface to the plane with the least distortion: UV coordinates.
+    Unwrap(Box<UnwrapArgs>),
     /// Pose a built-in octopus or another sample, and write it with a picture.
     Demo(DemoArgs),
     /// Say what a mesh is and what is wrong with it.

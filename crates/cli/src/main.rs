@@ -22,6 +22,7 @@ mod interrupt;
 mod picture;
 mod progress;
 mod refusal;
+mod unwrap;
 
 use std::process::ExitCode;
 
@@ -37,6 +38,7 @@ fn main() -> ExitCode {
     };
     let end = match command {
         Command::Deform(args) => deform::run(&args),
+        Command::Unwrap(args) => unwrap::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),

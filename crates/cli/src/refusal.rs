@@ -4,6 +4,7 @@ use std::fmt;
 
 use proxel::deform::DeformError;
 use proxel::pins::InputError;
+use proxel::unwrap::UnwrapError;
 use proxel_mesh::MeshError;
 
 /// Why a command does nothing: file, item, remedy. `Display` is one line.
@@ -41,6 +42,12 @@ impl From<InputError> for Refusal {
 
 impl From<DeformError> for Refusal {
     fn from(e: DeformError) -> Self {
+        Refusal(e.to_string())
+    }
+}
+
+impl From<UnwrapError> for Refusal {
+    fn from(e: UnwrapError) -> Self {
         Refusal(e.to_string())
     }
 }

@@ -145,6 +145,8 @@ fn unwrap_here(
         energy: finite(mean(&|m| m.energy)),
         gradient_norm: finite(gradient),
         gradient_ratio: finite(ratio),
+        min_stretch: finite(maps.iter().map(|m| m.outcome.energy.min_stretch).fold(f64::INFINITY, f64::min)),
+        max_stretch: finite(maps.iter().map(|m| m.outcome.energy.max_stretch).fold(f64::NEG_INFINITY, f64::max)),
         primal_residual: residual(&|m| m.residuals.primal),
         dual_residual: residual(&|m| m.residuals.dual),
         accepted: sum(&|m| m.outcome.accepted),

@@ -1,0 +1,90 @@
+//! The arguments of `proxel unwrap`, and the settings that they mean.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use proxel::settings::{UnwrapMethod, UnwrapSettings};
+
+use crate::args::SolveArgs;
+use crate::refusal::Refusal;
+
+/// The arguments of `proxel unwrap`.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  proxel unwrap spot.obj --out spot-uv.obj --preview uv.png
+  proxel unwrap suit.obj --seams vt --from-uv --out suit-uv.obj       keep its seams, improve its map
+  proxel unwrap face.ply --no-pack --method wrapd --trace t.csv --out face-uv.glb
+
+Faces, vertices and all other attributes stay as they are; texture coordinates are per corner. What the report
+says of flips, overlaps and distortion is measured on the file as written and read back.")]
+pub struct UnwrapArgs {
+    /// The surface: .obj, .ply, .stl, .off, .gltf, .glb or any other mesh with faces.
+    #[arg(value_name = "MESH", required_unless_present = "show_settings")]
+    pub mesh: Option<PathBuf>,
+    /// Where the surface is cut: auto: only where it has to be; vt: where its texture coordinates are; or a file with
+    /// two vertices (0-based) of an edge a line.
+    #[arg(long, value_name = "auto|vt|FILE", default_value = "auto")]
+    pub seams: String,
+    /// Begin with the texture coordinates of the file.
+    #[arg(long)]
+    pub from_uv: bool,
+    /// Vertices that are held: a file with vertex (0-based), u and v a line, in units of length of the mesh.
+    #[arg(long, value_name = "FILE")]
+    pub pin: Option<PathBuf>,
+    /// How much faces count: a file with a positive number for each face, or for each vertex.
+    #[arg(long, value_name = "FILE")]
+    pub weights: Option<PathBuf>,
+    /// Leave charts in units of length of the mesh instead of packing them into the unit square.
+    #[arg(long)]
+    pub no_pack: bool,
+    /// Least distance of charts, in pixels.
+    #[arg(long, value_name = "P", default_value_t = UnwrapSettings::default().padding, allow_negative_numbers = true)]
+    pub padding: f64,
+    /// Pixels along a side of the page.
+    #[arg(long, value_name = "N", default_value_t = UnwrapSettings::default().resolution)]
+    pub resolution: u32,
+    /// Texels per unit of length on the surface, instead of as many as fit.
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
+    pub density: Option<f64>,
+    #[command(flatten)]
+    pub solve: SolveArgs,
+    #[command(flatten)]
+    pub method: UnwrapMethodArgs,
+}
+
+/// How it is solved.
+#[derive(Args)]
+#[command(next_help_heading = "Method")]
+pub struct UnwrapMethodArgs {
+    /// auto: wrapd until no triangle is flipped, then Newton; wrapd: rotation-aware, dynamic weights; r-admm:
+    /// rotation-aware; w-admm: dynamic weights; admm-pd: neither; wrapd+cm: wrapd, then composite
+    /// majorization; cm, slim, akvf, bcqn, projected-newton, newton: from a start without flips.
+    #[arg(long, value_name = "NAME", value_parser = methods(), default_value = UnwrapMethod::default().as_str())]
+    pub method: String,
+}
+
+fn methods() -> PossibleValuesParser {
+    PossibleValuesParser::new(UnwrapMethod::ALL.map(UnwrapMethod::as_str))
+}
+
+impl UnwrapArgs {
+    /// All settings: defaults, and what was given.
+    pub fn settings(&self) -> Result<UnwrapSettings, Refusal> {
+        let settings = UnwrapSettings {
+            method: UnwrapMethod::from_name(&self.method.method).unwrap_or_default(), // clap lets no other through
+            pack: !self.no_pack,
+            padding: self.padding,
+            resolution: self.resolution,
+            density: self.density,
+            tol: self.solve.tol,
+            max_iters: self.solve.max_iters,
+            time_limit: self.solve.time_limit,
+            threads: self.solve.threads,
+            ..UnwrapSettings::default()
+        };
+        settings.check().map_err(Refusal::new)?;
+        Ok(settings)
+    }
+}

@@ -1,0 +1,8 @@
+//! `proxel unwrap`: a map of least distortion.
+
+mod args;
+mod lists;
+mod run;
+
+pub use args::UnwrapArgs;
+pub use run::run;

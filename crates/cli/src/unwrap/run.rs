@@ -1,0 +1,226 @@
+//! From files to files.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use proxel::report::MapReport;
+use proxel::settings::UnwrapSettings;
+use proxel::split::Status;
+use proxel::unwrap::{Hooks, MapRow, Progress, UnwrapInput, Unwrapped, unwrap};
+use proxel_mesh::uv::{
+    Certificate, CertificateOptions, Source, certify, read_uv, require_uv_format, seams_of, write_with_uv,
+};
+use proxel_mesh::{Format, Mesh, read_mesh_lenient};
+
+use super::{UnwrapArgs, lists};
+use crate::files::{Outputs, peak_bytes, write_text};
+use crate::interrupt::{CANCELLED, Interrupt};
+use crate::progress::Bar;
+use crate::refusal::Refusal;
+
+/// Reads, solves, writes.
+pub fn run(args: &UnwrapArgs) -> Result<u8, Refusal> {
+    let settings = args.settings()?;
+    if args.solve.show_settings {
+        let text = serde_json::to_string_pretty(&settings);
+        say!("{}", text.map_err(|e| Refusal::new(format!("the settings cannot be printed: {e}")))?);
+        return Ok(0);
+    }
+    // Clap asks for both unless settings are shown.
+    let (Some(path), Some(out)) = (&args.mesh, &args.solve.out) else {
+        return Err(Refusal::new("MESH and --out are needed; see proxel unwrap --help"));
+    };
+    require_uv_format(out)?;
+    Outputs::default()
+        .mesh("--out", out)?
+        .file("--report", args.solve.report.as_deref(), &[])?
+        .file("--trace", args.solve.trace.as_deref(), &[])?
+        .file("--preview", args.solve.preview.as_deref(), &["png"])?
+        .check()?;
+    let interrupt = Interrupt::listen()?;
+    let began = Instant::now();
+    let input = read(args, path)?;
+    let read = began.elapsed().as_secs_f64();
+    let result = solve(&input, &settings, args, &interrupt)?;
+    interrupt.writing();
+    Writing { args, source: path, out, input: &input, read }.write(result)
+}
+
+fn read(args: &UnwrapArgs, path: &Path) -> Result<UnwrapInput, Refusal> {
+    let mesh = read_mesh_lenient(path)?;
+    if mesh.faces.is_empty() {
+        return Err(Refusal::new(format!("{}: it has no faces; give a surface", mesh.name)));
+    }
+    let wanted = args.from_uv || args.seams == "vt";
+    let map = if wanted { read_uv(path)? } else { None };
+    let given = || {
+        map.clone().ok_or_else(|| {
+            let option = if args.from_uv { "--from-uv" } else { "--seams vt" };
+            Refusal::new(format!("{}: it has no texture coordinates; leave {option} out", mesh.name))
+        })
+    };
+    let seams = match args.seams.as_str() {
+        "auto" => Vec::new(),
+        "vt" => seams_of(&mesh, &given()?)?,
+        file => lists::seams(&PathBuf::from(file), &mesh)?,
+    };
+    let start = if args.from_uv { Some(given()?) } else { None };
+    let pins = args.pin.as_deref().map_or(Ok(Vec::new()), |p| lists::pins(p, &mesh))?;
+    let weights = args.weights.as_deref().map(|p| lists::weights(p, &mesh)).transpose()?;
+    Ok(UnwrapInput { mesh, seams, start, pins, weights })
+}
+
+fn solve(
+    input: &UnwrapInput,
+    settings: &UnwrapSettings,
+    args: &UnwrapArgs,
+    interrupt: &Interrupt,
+) -> Result<Unwrapped, Refusal> {
+    if let Some(n) = settings.threads {
+        // For what follows the solve. A pool that is there already is no harm.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(n).build_global();
+    }
+    let bar = Bar::new(args.solve.quiet, settings.max_iters);
+    let mut on_progress = |p: &Progress| bar.show(p);
+    let mut hooks = Hooks { traced: args.solve.trace.is_some(), cancel: interrupt.solving(), ..Hooks::default() };
+    if bar.is_shown() {
+        hooks.progress = Some(&mut on_progress);
+    }
+    let result = unwrap(input, settings, &mut hooks);
+    bar.clear();
+    Ok(result?)
+}
+
+/// What is written, and where to.
+struct Writing<'a> {
+    args: &'a UnwrapArgs,
+    source: &'a Path,
+    out: &'a Path,
+    input: &'a UnwrapInput,
+    read: f64,
+}
+
+impl Writing<'_> {
+    fn write(&self, mut result: Unwrapped) -> Result<u8, Refusal> {
+        let began = Instant::now();
+        let mesh = &self.input.mesh;
+        let mut written = Vec::new();
+        // A map that is not finite is none; anything else is kept, whatever became of the run.
+        let kept = result.uv.coordinates.iter().flatten().all(|v| v.is_finite());
+        if kept {
+            let certificate = self.write_map(mesh, &result)?;
+            written.push(self.out.display().to_string());
+            certified(&mut result, &certificate, mesh);
+        }
+        if let Some(path) = &self.args.solve.trace {
+            let lines: Vec<String> = result.rows.iter().map(MapRow::to_csv).collect();
+            write_text(path, &format!("{}\n{}\n", MapRow::HEADER, lines.join("\n")))?;
+            written.push(path.display().to_string());
+        }
+        let report = &mut result.report;
+        report.seconds.read = self.read;
+        report.seconds.write = began.elapsed().as_secs_f64();
+        report.peak_bytes = peak_bytes();
+        if let Some(path) = &self.args.solve.report {
+            let text = serde_json::to_string_pretty(&report)
+                .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
+            write_text(path, &(text + "\n"))?;
+            written.push(path.display().to_string());
+        }
+        if !self.args.solve.quiet {
+            say(&result, &written);
+        }
+        Ok(match result.status {
+            Status::Converged => 0,
+            Status::Failed => {
+                eprintln!("error: {}", result.report.reason);
+                1
+            }
+            Status::Stopped => 3,
+            Status::Cancelled => CANCELLED,
+        })
+    }
+
+    /// Writes the map, reads it back and examines it.
+    fn write_map(&self, mesh: &Mesh, result: &Unwrapped) -> Result<Certificate, Refusal> {
+        let format = Format::from_path(self.source).ok();
+        let data = match format {
+            Some(Format::Obj | Format::Ply) => std::fs::read(self.source)
+                .map_err(|e| Refusal::new(format!("{}: cannot be read again: {e}", self.source.display())))?,
+            _ => Vec::new(),
+        };
+        let name = self.source.display().to_string();
+        let source = format.filter(|f| matches!(f, Format::Obj | Format::Ply)).map(|format| Source {
+            format,
+            file: &name,
+            data: &data,
+        });
+        write_with_uv(self.out, mesh, source, &result.uv)?;
+        let back = read_mesh_lenient(self.out)?;
+        let map = read_uv(self.out)?.unwrap_or_default();
+        let reversed_faces = result.charts.reversed_faces.clone();
+        let same = back.faces.len() == mesh.faces.len();
+        // glTF has triangles only: its faces are not the user's.
+        let reversed_faces = if same { reversed_faces } else { Vec::new() };
+        Ok(certify(&back.points, &back.faces, &map, &CertificateOptions { reversed_faces })?)
+    }
+}
+
+/// Puts what was found in the file into the report; a map with flips has not converged, whatever the run says.
+fn certified(result: &mut Unwrapped, c: &Certificate, mesh: &Mesh) {
+    let d = &c.distortion;
+    let before = result.report.map.take().unwrap_or_default();
+    result.report.inverted = Some((c.flips + c.zero_area) as u64);
+    result.report.energy = d.energy.is_finite().then_some(d.energy);
+    let map = MapReport {
+        flips: c.flips,
+        zero_area: c.zero_area,
+        overlaps: c.overlaps.triangle_pairs,
+        boundary_crossings: c.overlaps.boundary_crossings,
+        charts: c.charts,
+        seam_length: c.relative_seam_length,
+        packing: c.packing,
+        unmapped_faces: c.unmapped_faces,
+        l2_stretch: d.l2_stretch,
+        linf_stretch: d.max_stretch,
+        conformal_distortion: d.conformal_mean,
+        conformal_distortion_max: d.conformal_max,
+        area_distortion: d.area_mean,
+        area_distortion_max: d.area_max,
+        ..before
+    };
+    result.report.map = Some(map);
+    if c.flips + c.zero_area > 0 && result.status == Status::Converged {
+        result.status = Status::Stopped;
+        result.report.status = Status::Stopped.as_str().to_string();
+        result.report.reason = format!(
+            "{}: {} triangles are flipped and {} have no area in the map as written; {}",
+            mesh.name, c.flips, c.zero_area, result.report.reason
+        );
+    }
+}
+
+fn say(result: &Unwrapped, written: &[String]) {
+    let r = &result.report;
+    for warning in &r.warnings {
+        eprintln!("warning: {warning}");
+    }
+    for repair in &r.repaired {
+        eprintln!("repaired: {repair}");
+    }
+    say!("{} after {} iterations, {:.2} s: {}", r.status, r.iterations, r.seconds.setup + r.seconds.solve, r.reason);
+    if let Some(m) = &r.map {
+        let energy = r.energy.map_or_else(|| "undefined".to_owned(), |e| format!("{e:.6}"));
+        say!(
+            "energy {energy} (1 is an isometry), {} flips, {} overlaps, {} charts, seams {:.2}, packing {:.2}",
+            m.flips,
+            m.overlaps,
+            m.charts,
+            m.seam_length,
+            m.packing
+        );
+    }
+    for file in written {
+        say!("wrote {file}");
+    }
+}
