@@ -26,7 +26,7 @@ pub struct Source<'a> {
 /// # Errors
 /// What is wrong with the file or its coordinates, in one line.
 pub fn read_uv(path: &Path) -> Result<Option<UvMap>> {
-    match Format::from_path(path)? {
+    match Format::of_input(path)? {
         Format::Gltf | Format::Glb => gltf::read(path),
         format @ (Format::Obj | Format::Ply) => parse_uv(format, &display(path), &read_bytes(path)?),
         _ => {

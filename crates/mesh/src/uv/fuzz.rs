@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::{Source, UvMap, obj, parse_uv, ply};
+use super::{Source, UvMap, gltf, obj, parse_uv, ply};
 use crate::io::fuzz::{apply, damage};
 use crate::io::{Format, parse_mesh};
 use crate::mesh::{Mesh, Polygons};
@@ -90,6 +90,21 @@ proptest! {
         let mut data = text.as_bytes().to_vec();
         damages.iter().for_each(|d| apply(&mut data, d));
         round_trip(format, &data, seed);
+    }
+
+    #[test]
+    fn damaged_gltf(binary in any::<bool>(), damages in prop::collection::vec(damage(), 1..6)) {
+        let mesh = parse_mesh(Format::Obj, "fuzz", OBJ.as_bytes()).unwrap();
+        let split = gltf::Split::new("fuzz", &mesh, &some_map(&mesh.faces, 5)).unwrap();
+        let mut data = Vec::new();
+        split.write(binary, &mut data).unwrap();
+        prop_assert!(parse_uv(Format::Glb, "fuzz", &data).unwrap().is_some());
+        damages.iter().for_each(|d| apply(&mut data, d));
+        match parse_uv(Format::Glb, "fuzz", &data) {
+            Ok(Some(uv)) => uv.check(&parse_mesh(Format::Glb, "fuzz", &data).unwrap().faces).unwrap(),
+            Ok(None) => {}
+            Err(e) => prop_assert_eq!(e.to_string().lines().count(), 1),
+        }
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub struct Overlaps {
     pub boundary_touches: u64,
     /// The faces of some crossing or touching edges.
     pub boundary_faces: Vec<[u32; 2]>,
-    /// Whether all pairs were tested. Where so many triangles lie over each other that 10^9 tests do not suffice, the counts
+    /// Whether all pairs were tested. Where so many triangles lie over each other that 3 10^8 tests do not suffice, the counts
     /// are of those that were: lower bounds.
     pub complete: bool,
 }
