@@ -89,8 +89,9 @@ fn obj_and_ply_give_back_every_bit() {
 #[test]
 fn ply_keeps_what_it_does_not_know() {
     let folder = Folder::new("ply");
-    let text = "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 3\nproperty float x\nproperty float y\n\
-        property float z\nproperty uchar red\nproperty float s\nproperty float t\nelement face 1\nproperty uchar flag\n\
+    let text = "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 3\n\
+        property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty float s\nproperty float t\n\
+        element face 1\nproperty uchar flag\n\
         property list uchar float texcoord\nproperty list uchar int vertex_indices\nelement thing 1\nproperty int a\n\
         end_header\n0 0 0 255 .25 1\n1 0 0 254 .5 1\n0 1.50 0 253 .75 1\n7 6 0 0 1 0 0 1 3 0 1 2\n42\n";
     let path = folder.at("a.ply");
