@@ -14,7 +14,8 @@ const OBJ: &str = "\u{feff}# head \\\n# more\r\nmtllib a.mtl\nv 0 0 0 1 0 0\nv 1
 const PLY: &str = "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\n\
     property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty float s\nproperty float t\n\
     element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int material\n\
-    element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n0 0 0 255 0 0\n1 0 0 0 1 0\n1 1 0 0 1 1\n0 1 0 0 0 1\n\
+    element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n\
+    0 0 0 255 0 0\n1 0 0 0 1 0\n1 1 0 0 1 1\n0 1 0 0 0 1\n\
     3 0 1 2 6 0 0 .5 0 .5 .5 7\n4 0 1 2 3 0 8\n0 2\n";
 
 /// Some map of these faces; about one face in five is left out.
