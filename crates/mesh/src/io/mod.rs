@@ -113,7 +113,7 @@ impl Format {
 
     /// As [`from_path`](Self::from_path), where a stem without extension (`body` or `body.1`) stands
     /// for the TetGen pair that lies there.
-    fn of_input(path: &Path) -> Result<Format> {
+    pub(crate) fn of_input(path: &Path) -> Result<Format> {
         Format::from_path(path).or_else(|e| {
             let (node, _) = tetgen::pair(path);
             if node.is_file() { Ok(Format::TetGen) } else { Err(e) }

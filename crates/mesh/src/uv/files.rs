@@ -18,15 +18,15 @@ pub struct Source<'a> {
     pub data: &'a [u8],
 }
 
-/// The texture coordinates of the faces that [`read_mesh`](crate::read_mesh) reads from the same file: `vt` of OBJ, the
-/// lists `texcoord` of faces or the properties `s` and `t` (`u` and `v`, `texture_u` and `texture_v`) of vertices in PLY,
-/// TEXCOORD_0 of glTF, whose v runs downwards and is turned around. `None` where the file has none, or its format takes
-/// none.
+/// The texture coordinates of the faces that [`read_mesh`](crate::read_mesh) reads from the same file: `vt` of OBJ,
+/// the lists `texcoord` of faces or the properties `s` and `t` (`u` and `v`, `texture_u` and `texture_v`) of vertices
+/// in PLY, TEXCOORD_0 of glTF, whose v runs downwards and is turned around. `None` where the file has none, or its
+/// format takes none.
 ///
 /// # Errors
 /// What is wrong with the file or its coordinates, in one line.
 pub fn read_uv(path: &Path) -> Result<Option<UvMap>> {
-    match Format::from_path(path)? {
+    match Format::of_input(path)? {
         Format::Gltf | Format::Glb => gltf::read(path),
         format @ (Format::Obj | Format::Ply) => parse_uv(format, &display(path), &read_bytes(path)?),
         _ => {
@@ -72,19 +72,20 @@ pub fn require_uv_format(path: &Path) -> Result<Format> {
 
 /// Writes a mesh with its map, whole or not at all; the extension names the format.
 ///
-/// - .obj from a `source` in OBJ: every byte of it stays (colours, normals, objects, groups, materials, comments) but the
-///   `vt` lines, and the second number of face corners; the texture numbers of `l` lines go with what they named.
+/// - .obj from a `source` in OBJ: every byte of it stays (colours, normals, objects, groups, materials, comments) but
+///   the `vt` lines, and the second number of face corners; the texture numbers of `l` lines go with what they named.
 /// - .obj from anything else: vertices, faces and edges of the mesh.
-/// - .ply: a list `texcoord` (u and v of each corner) with each face, empty where it is not mapped. From a `source` in PLY
-///   all other properties and elements, the form (text, byte order) and the numbers stay as they stand.
-/// - .glb and .gltf, in 32-bit numbers: faces as fans of triangles; a vertex with several coordinates keeps its number
-///   for the first of them, copies for the others follow at the end of the list. Unmapped faces get (0, 0).
+/// - .ply: a list `texcoord` (u and v of each corner) with each face, empty where it is not mapped. From a `source`
+///   in PLY all other properties and elements, the form (text, byte order) and the numbers stay as they stand.
+/// - .glb and .gltf, in 32-bit numbers: faces as fans of triangles; a vertex with several coordinates keeps its
+///   number for the first of them, copies for the others follow at the end of the list. Unmapped faces get (0, 0).
 ///
-/// Text has 17 significant digits. Read back, OBJ gives the same map, PLY the same values at each corner, glTF those values
-/// rounded to 32 bits (v as 1 - v).
+/// Text has 17 significant digits. Read back, OBJ gives the same map, PLY the same values at each corner, glTF those
+/// values rounded to 32 bits (v as 1 - v).
 ///
 /// # Errors
-/// A format without texture coordinates, a map or a source that is not of this mesh, or a path that cannot be written.
+/// A format without texture coordinates, a map or a source that is not of this mesh, or a path that cannot
+/// be written.
 pub fn write_with_uv(path: &Path, mesh: &Mesh, source: Option<Source<'_>>, uv: &UvMap) -> Result<()> {
     let format = require_uv_format(path)?;
     mesh.check_indices()?;

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::{Source, UvMap, obj, parse_uv, ply};
+use super::{Source, UvMap, gltf, obj, parse_uv, ply};
 use crate::io::fuzz::{apply, damage};
 use crate::io::{Format, parse_mesh};
 use crate::mesh::{Mesh, Polygons};
@@ -11,10 +11,11 @@ const OBJ: &str = "\u{feff}# head \\\n# more\r\nmtllib a.mtl\nv 0 0 0 1 0 0\nv 1
     vt 0 0\nvt 1 0 \\\n 0\nvt .5 .5\no one\ng a b\nusemtl m\ns 1\nf 1/1/1 2/2/1 -2/-1/1\nf 1/1 \\\n 3/3 \\ \n 4/2\n\
     vt 7 7\nf -4//1 2//1 3//1 4//1\nl 1/1 2/2 3\np 1\ncurv2 1 2\nf 4/4 2/2 1/1";
 
-const PLY: &str = "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\nproperty float x\nproperty float y\n\
-    property float z\nproperty uchar red\nproperty float s\nproperty float t\nelement face 2\n\
-    property list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int material\nelement edge 1\n\
-    property int vertex1\nproperty int vertex2\nend_header\n0 0 0 255 0 0\n1 0 0 0 1 0\n1 1 0 0 1 1\n0 1 0 0 0 1\n\
+const PLY: &str = "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\n\
+    property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty float s\nproperty float t\n\
+    element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int material\n\
+    element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n\
+    0 0 0 255 0 0\n1 0 0 0 1 0\n1 1 0 0 1 1\n0 1 0 0 0 1\n\
     3 0 1 2 6 0 0 .5 0 .5 .5 7\n4 0 1 2 3 0 8\n0 2\n";
 
 /// Some map of these faces; about one face in five is left out.
@@ -93,7 +94,25 @@ proptest! {
     }
 
     #[test]
-    fn lines_of_obj(text in "(v 0 0 0\n){3}(((f|vt|l|#|g|s)( [-1-3/#\\\\]{1,5}){0,4}[ \r\\\\]{0,2}\n)|(f 1/1 2/ -1//7\n)){0,9}", seed in any::<u64>()) {
+    fn damaged_gltf(binary in any::<bool>(), damages in prop::collection::vec(damage(), 1..6)) {
+        let mesh = parse_mesh(Format::Obj, "fuzz", OBJ.as_bytes()).unwrap();
+        let split = gltf::Split::new("fuzz", &mesh, &some_map(&mesh.faces, 5)).unwrap();
+        let mut data = Vec::new();
+        split.write(binary, &mut data).unwrap();
+        prop_assert!(parse_uv(Format::Glb, "fuzz", &data).unwrap().is_some());
+        damages.iter().for_each(|d| apply(&mut data, d));
+        match parse_uv(Format::Glb, "fuzz", &data) {
+            Ok(Some(uv)) => uv.check(&parse_mesh(Format::Glb, "fuzz", &data).unwrap().faces).unwrap(),
+            Ok(None) => {}
+            Err(e) => prop_assert_eq!(e.to_string().lines().count(), 1),
+        }
+    }
+
+    #[test]
+    fn lines_of_obj(
+        text in "(v 0 0 0\n){3}(((f|vt|l|#|g|s)( [-1-3/#\\\\]{1,5}){0,4}[ \r\\\\]{0,2}\n)|(f 1/1 2/ -1//7\n)){0,9}",
+        seed in any::<u64>(),
+    ) {
         round_trip(Format::Obj, text.as_bytes(), seed);
     }
 }

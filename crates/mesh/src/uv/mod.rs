@@ -1,9 +1,10 @@
-//! Maps of a surface to the plane: what texture coordinates a file has, writing them, and a certificate of what a map is
-//! worth.
+//! Maps of a surface to the plane: what texture coordinates a file has, writing them, and a certificate of what a map
+//! is worth.
 //!
-//! A [`UvMap`] has a coordinate for each *corner* of each face, so that a vertex on a seam has several. [`read_uv`] and
-//! [`write_with_uv`] are beside [`read_mesh`](crate::read_mesh) and [`write_mesh`](crate::write_mesh); [`seams_of`] finds
-//! the edges along which a map is cut; [`certify`] counts flips and overlaps by exact tests and measures distortion.
+//! A [`UvMap`] has a coordinate for each *corner* of each face, so that a vertex on a seam has several. [`read_uv`]
+//! and [`write_with_uv`] are beside [`read_mesh`](crate::read_mesh) and [`write_mesh`](crate::write_mesh);
+//! [`seams_of`] finds the edges along which a map is cut; [`certify`] counts flips and overlaps by exact tests and
+//! measures distortion.
 
 mod certificate;
 mod files;
@@ -28,8 +29,8 @@ use layout::Layout;
 pub struct UvMap {
     /// (u, v), u to the right and v upwards, as in OBJ.
     pub coordinates: Vec<[f64; 2]>,
-    /// Parallel to [`Polygons::indices`]: which coordinate the corner has, or [`UvMap::NONE`]. A face has coordinates at
-    /// all of its corners or at none.
+    /// Parallel to [`Polygons::indices`]: which coordinate the corner has, or [`UvMap::NONE`]. A face has coordinates
+    /// at all of its corners or at none.
     pub corners: Vec<u32>,
 }
 
@@ -77,11 +78,12 @@ impl UvMap {
         out
     }
 
-    /// Checks that the map belongs to these faces: an entry for each corner, each a coordinate that there is, all finite,
-    /// and whole faces only.
+    /// Checks that the map belongs to these faces: an entry for each corner, each a coordinate that there is, all
+    /// finite, and whole faces only.
     ///
     /// # Errors
-    /// [`ErrorKind::CountMismatch`], [`ErrorKind::IndexOutOfRange`], [`ErrorKind::NonFinite`] with the first face.
+    /// [`ErrorKind::CountMismatch`], [`ErrorKind::IndexOutOfRange`], [`ErrorKind::NonFinite`] with the first
+    /// face.
     pub fn check(&self, faces: &Polygons) -> Result<()> {
         let bad = |kind, what: String, remedy: &str| MeshError::new(kind, "UV map", what, remedy);
         let (n, have) = (faces.indices().len(), self.corners.len());

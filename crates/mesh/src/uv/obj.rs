@@ -214,7 +214,8 @@ mod tests {
     #[test]
     fn all_but_the_coordinates_stays() {
         let out = String::from_utf8(rewritten(SOURCE.as_bytes(), &map())).unwrap();
-        let list = "vt 1.0000000000000001e-1 -0.0000000000000000e0\r\nvt 1.0000000000000000e-300 6.6666666666666663e-1\r\n\
+        let list = "vt 1.0000000000000001e-1 -0.0000000000000000e0\r\n\
+            vt 1.0000000000000000e-300 6.6666666666666663e-1\r\n\
             vt 5.0000000000000000e0 6.0000000000000000e0\r\nvt 7.0000000000000000e0 8.0000000000000000e0\r\n";
         let expected = SOURCE
             .replace("vt 0.5 0.5 # gone\r\n", list)
@@ -260,8 +261,8 @@ mod tests {
         let message = |tail: &str| read(&format!("{head}{tail}")).unwrap_err().to_string();
         assert_eq!(
             message("vt 0 0\nf 1/1 2/1 3/7\n"),
-            "a.obj: line 5: face 0 (0-based): texture coordinate 7 is out of range, there are 1; correct the index or add \
-             `vt` lines"
+            "a.obj: line 5: face 0 (0-based): texture coordinate 7 is out of range, there are 1; correct the index \
+             or add `vt` lines"
         );
         assert!(
             message("f 1/-1 2/1 3/1\n").contains("line 4: face 0 (0-based): texture coordinate -1 is out of range")

@@ -81,8 +81,8 @@ pub(super) fn write(mesh: &Mesh, uv: &UvMap, w: &mut dyn Write) -> io::Result<()
     rewrite(&mesh.name, &plain, &mesh.faces, uv, w)
 }
 
-/// Writes the file `data` again with the lists of this map in place of those that its faces have; all else stays, in text
-/// but for comments and white space between the numbers.
+/// Writes the file `data` again with the lists of this map in place of those that its faces have; all else stays, in
+/// text but for comments and white space between the numbers.
 pub(super) fn rewrite(file: &str, data: &[u8], faces: &Polygons, uv: &UvMap, w: &mut dyn Write) -> io::Result<()> {
     let (elements, mut body) = header(file, data).map_err(io::Error::other)?;
     let long = faces.iter().any(|f| 2 * f.len() > 255);

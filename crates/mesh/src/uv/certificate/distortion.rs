@@ -44,12 +44,13 @@ fn stretches(x: [V3; 3], [p, q, r]: [V2; 3], area: f64, double: f64, back: f64) 
     [s1, if s1 > 0.0 { det / s1 } else { 0.0 }]
 }
 
-/// Measures of distortion over all triangles that have area on the surface; areas on the surface are the weights. Flipped
-/// triangles count with the absolute value of their stretches, so that everything stays finite until an area in the plane
-/// is zero: then what contains 1 / s2 is infinite. NaN where no triangle has area.
+/// Measures of distortion over all triangles that have area on the surface; areas on the surface are the weights.
+/// Flipped triangles count with the absolute value of their stretches, so that everything stays finite until an area
+/// in the plane is zero: then what contains 1 / s2 is infinite. NaN where no triangle has area.
 ///
-/// s1 >= s2 are the singular values of the map from the surface to the plane after the uniform scale that minimises the
-/// symmetric Dirichlet energy, `scale` (where there is none, that which makes the areas equal); only `energy_as_given` and `sander` measures know another one.
+/// s1 >= s2 are the singular values of the map from the surface to the plane after the uniform scale that minimises
+/// the symmetric Dirichlet energy, `scale` (where there is none, that which makes the areas equal); only
+/// `energy_as_given` and `sander` measures know another one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distortion {
     /// E = 1/4 sum A (s1^2 + s2^2 + s1^-2 + s2^-2) / sum A, 1 for an isometry: Smith and Schaefer 2015, normalised.
@@ -62,8 +63,8 @@ pub struct Distortion {
     pub l2_stretch: f64,
     /// max max(s1, 1 / s2).
     pub max_stretch: f64,
-    /// The L2 stretch of the map from the plane to the surface (Sander et al. 2001), sqrt(sum A (s1^-2 + s2^-2) / 2 / sum A)
-    /// times sqrt(area in the plane / sum A): 1 is the least.
+    /// The L2 stretch of the map from the plane to the surface (Sander et al. 2001), sqrt(sum A (s1^-2 + s2^-2) / 2 /
+    /// sum A) times sqrt(area in the plane / sum A): 1 is the least.
     pub sander_l2: f64,
     /// Their worst case, max 1 / s2 with the same factor.
     pub sander_linf: f64,

@@ -6,8 +6,8 @@ use crate::vec3::{V3, cross, norm, sub};
 
 pub(crate) type V2 = [f64; 2];
 
-/// Points of the plane, scaled by a power of two so that the largest coordinate is near 1: no sign changes, and products
-/// stay in the range of f64.
+/// Points of the plane, scaled by a power of two so that the largest coordinate is near 1: no sign changes, and
+/// products stay in the range of f64.
 pub(crate) struct Plane {
     points: Vec<V2>,
     pub scale: f64, // scaled = scale * given, a power of two
@@ -78,7 +78,8 @@ pub(crate) fn fold(p: V2, a: V2, b: V2) -> bool {
     orient(p, a, b) == 0.0 && (side(0) || side(1))
 }
 
-/// Whether a triangle of the surface has area: exactly, not up to a tolerance (but so much that f64 can hold its square).
+/// Whether a triangle of the surface has area: exactly, not up to a tolerance (but so much that f64 can hold its
+/// square).
 pub fn has_rest_area(corners: [[f64; 3]; 3]) -> bool {
     rest_area(corners) > 0.0
 }
@@ -87,7 +88,8 @@ pub fn has_rest_area(corners: [[f64; 3]; 3]) -> bool {
 pub(crate) fn rest_area(x: [V3; 3]) -> f64 {
     let (a, b) = (sub(x[1], x[0]), sub(x[2], x[0]));
     let area = 0.5 * norm(cross(a, b));
-    // Rounding is below 1e-14 of the product of the edges; where that could be all of the area, exact arithmetic decides.
+    // Rounding is below 1e-14 of the product of the edges; where that could be all of the area, exact arithmetic
+    // decides.
     if area > 1e-12 * norm(a) * norm(b) {
         return area;
     }

@@ -1,5 +1,5 @@
-//! What a map is worth, from its coordinates alone: signs and overlaps by exact arithmetic, distortion in the measures of
-//! the literature.
+//! What a map is worth, from its coordinates alone: signs and overlaps by exact arithmetic, distortion in the
+//! measures of the literature.
 
 mod distortion;
 mod exact;
@@ -82,8 +82,8 @@ pub struct Certificate {
 
 /// Examines a map of the faces of a mesh.
 ///
-/// Signs are exact for coordinates that are zero or larger than 1e-140 times the largest one (beyond that products leave
-/// the range of f64). The result is the same for any number of threads.
+/// Signs are exact for coordinates that are zero or larger than 1e-140 times the largest one (beyond that products
+/// leave the range of f64). The result is the same for any number of threads.
 ///
 /// # Errors
 /// A map that does not belong to the faces, an index out of range, a coordinate that is not finite.

@@ -12,20 +12,20 @@ use crate::uv::layout::Layout;
 /// Pairs that meet in the plane though they do not on the surface, by exact tests over the whole atlas.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Overlaps {
-    /// Pairs of triangles whose interiors intersect, of one chart or of two. Copies of a face at the same coordinates are
-    /// not tested.
+    /// Pairs of triangles whose interiors intersect, of one chart or of two. Copies of a face at the same coordinates
+    /// are not tested.
     pub triangle_pairs: u64,
     /// The faces of some of them, (smaller, larger), ascending, at most [`MOST_EXAMPLES`].
     pub faces: Vec<[u32; 2]>,
     /// Pairs of edges of chart borders with a common point inside both.
     pub boundary_crossings: u64,
-    /// Pairs of edges of chart borders that have another point in common than an end that they share: an end of one on the
-    /// other, or a piece of a line.
+    /// Pairs of edges of chart borders that have another point in common than an end that they share: an end of one
+    /// on the other, or a piece of a line.
     pub boundary_touches: u64,
     /// The faces of some crossing or touching edges.
     pub boundary_faces: Vec<[u32; 2]>,
-    /// Whether all pairs were tested. Where so many triangles lie over each other that 10^9 tests do not suffice, the counts
-    /// are of those that were: lower bounds.
+    /// Whether all pairs were tested. Where so many triangles lie over each other that 3 10^8 tests do not suffice,
+    /// the counts are of those that were: lower bounds.
     pub complete: bool,
 }
 

@@ -13,11 +13,11 @@ const WIDTH: usize = 4;
 const TASK: usize = 64;
 /// Tasks between two looks at what has been done.
 const WAVE: usize = 128;
-/// A task stops after this many exact tests, and all stop after [`MOST_TESTS`]: only where very many things lie over each
-/// other are there more, and then it is known that they do.
+/// A task stops after this many tests (of pairs, and of blocks against blocks), and all stop after [`MOST_TESTS`]:
+/// only where very many things lie over each other are there more, and then it is known that they do.
 const MOST_TASK_TESTS: u64 = 4_000_000;
 /// See [`MOST_TASK_TESTS`].
-const MOST_TESTS: u64 = 1_000_000_000;
+const MOST_TESTS: u64 = 300_000_000;
 
 /// What was found, by kinds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,8 +35,8 @@ struct Tree<'a> {
     levels: Vec<Vec<Box2>>, // level 0: blocks of things; each node of level k + 1 has WIDTH of level k
 }
 
-/// Calls `test` once for every pair of things whose boxes have a point in common (with `open` an inner point), and counts
-/// what it answers. The order does not depend on the number of threads.
+/// Calls `test` once for every pair of things whose boxes have a point in common (with `open` an inner point), and
+/// counts what it answers. The order does not depend on the number of threads.
 pub(crate) fn find_pairs<const K: usize>(
     boxes: &[Box2],
     open: bool,
@@ -124,6 +124,7 @@ impl<'a> Tree<'a> {
                     found.complete = false;
                     return (found, tests);
                 }
+                tests += 1;
                 for (k, &i) in items(block).iter().enumerate() {
                     let own = &self.boxes[i as usize];
                     let from = if node == block { k + 1 } else { 0 };
