@@ -156,13 +156,15 @@ impl Writing<'_> {
             data: &data,
         });
         write_with_uv(self.out, mesh, source, &result.uv)?;
+        let options = CertificateOptions { reversed_faces: result.charts.reversed_faces.clone() };
+        let written = Format::from_path(self.out)?;
+        if matches!(written, Format::Gltf | Format::Glb) {
+            // Its triangles and vertices are not the user's; what it stores of the map is.
+            return Ok(certify(&mesh.points, &mesh.faces, &as_stored(&result.uv, written), &options)?);
+        }
         let back = read_mesh_lenient(self.out)?;
         let map = read_uv(self.out)?.unwrap_or_default();
-        let reversed_faces = result.charts.reversed_faces.clone();
-        let same = back.faces.len() == mesh.faces.len();
-        // glTF has triangles only: its faces are not the user's.
-        let reversed_faces = if same { reversed_faces } else { Vec::new() };
-        Ok(certify(&back.points, &back.faces, &map, &CertificateOptions { reversed_faces })?)
+        Ok(certify(&back.points, &back.faces, &map, &options)?)
     }
 }
 
