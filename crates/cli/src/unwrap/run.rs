@@ -8,7 +8,7 @@ use proxel::settings::UnwrapSettings;
 use proxel::split::Status;
 use proxel::unwrap::{Hooks, MapRow, Progress, UnwrapInput, Unwrapped, unwrap};
 use proxel_mesh::uv::{
-    Certificate, CertificateOptions, Source, certify, read_uv, require_uv_format, seams_of, write_with_uv,
+    Certificate, CertificateOptions, Source, as_stored, certify, read_uv, require_uv_format, seams_of, write_with_uv,
 };
 use proxel_mesh::{Format, Mesh, read_mesh_lenient};
 
