@@ -29,7 +29,7 @@ fn seam_length(mesh: &Mesh, charts: &Charts) -> f64 {
         }
     }
     let length = |e: &[u32; 2]| distance(mesh.points[e[0] as usize], mesh.points[e[1] as usize]);
-    charts.seams.iter().map(length).sum::<f64>() / distance(low, high)
+    charts.seams.iter().map(length).fold(0.0, |a, b| a + b) / distance(low, high)
 }
 
 #[test]

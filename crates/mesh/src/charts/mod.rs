@@ -19,11 +19,13 @@ mod handles;
 mod limbs;
 mod places;
 mod select;
+mod split;
 
 #[cfg(test)]
 mod tests;
 
 pub use check::disk_defect;
+pub use split::{Part, shortest_cut, split};
 
 use edges::Edges;
 use geometry::Metric;
@@ -128,7 +130,8 @@ pub fn charts(mesh: &Mesh, options: &ChartOptions) -> Result<Charts> {
     cut::open_parts(&mut half_edges, &metric, options, &mut out.repairs);
 
     let reversed = std::mem::take(&mut out.reversed_faces);
-    let (charts, places) = emit::charts(&half_edges, &face, |f| reversed.binary_search(&f).is_ok(), &metric);
+    let (charts, places) =
+        emit::charts(&half_edges, &face, |c| reversed.binary_search(&face[c as usize]).is_ok(), &metric);
     out.reversed_faces = reversed;
     out.charts = charts;
     drop(half_edges);

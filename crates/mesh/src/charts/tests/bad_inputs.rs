@@ -96,9 +96,9 @@ fn what_can_be_mapped_is_and_what_was_repaired_is_named() {
     fan.points.push([0.0, 0.0, 3.0]);
     let mut more = t.clone();
     more.push([t[1600][0], t[1600][1], 1681]);
-    // That edge lies on the border: the new face goes on there.
+    // That edge lies on the border: the new face goes on there, though listed the other way round.
     let out = charted(&with(&fan, &more));
-    assert_eq!((loops(&out), out.seams.len(), out.repairs.len()), (vec![1], 0, 0));
+    assert_eq!((loops(&out), out.seams.len(), &out.reversed_faces[..]), (vec![1], 0, &[3200][..]));
     more[3200] = [t[1640][0], t[1640][1], 1681];
     let out = charted(&with(&fan, &more));
     assert_eq!((loops(&out), out.seams.len()), (vec![1, 1], 1));
@@ -119,10 +119,11 @@ fn what_can_be_mapped_is_and_what_was_repaired_is_named() {
     assert_eq!(loops(&charted(&with(&clean, &holed))), [2]);
 
     let mut twice = t.clone();
-    twice[17] = [twice[17][0], twice[17][0], twice[17][1]];
+    twice[1617] = [twice[1617][0], twice[1617][0], twice[1617][1]];
     let out = charted(&with(&clean, &twice));
-    assert_eq!(out.repairs, ["1 face uses a vertex twice, face 17: it was left out of the map"]);
-    assert!(out.places[51..54].iter().all(Option::is_some));
+    assert_eq!(out.repairs, ["1 face uses a vertex twice, face 1617: it was left out of the map"]);
+    assert_eq!(loops(&out), [2]);
+    assert!(out.places[4851..4854].iter().all(Option::is_some));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod bad_inputs;
 mod shapes;
 mod soups;
+mod splits;
 mod topology;
 mod twin;
 
