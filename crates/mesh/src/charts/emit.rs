@@ -5,7 +5,7 @@ use super::half_edges::{HalfEdges, NONE, by_group};
 use super::{Chart, Place};
 
 /// The charts of a surface, numbered by their first faces, and the place of each half-edge's start.
-/// `face` is the mesh face of each cell; `flipped(face)` says whether a cell is listed the other way round there.
+/// `face` is the mesh face of each cell; `flipped(cell)` says whether it is listed the other way round there.
 pub(super) fn charts(
     surface: &HalfEdges,
     face: &[u32],
@@ -38,7 +38,7 @@ pub(super) fn charts(
             let n = side.len();
             for k in 2..n {
                 // The k-th triangle of the fan as it is listed: reversed cells run through their corners backwards.
-                let k = if flipped(face[cell as usize]) { n + 1 - k } else { k };
+                let k = if flipped(cell) { n + 1 - k } else { k };
                 out.triangles.push([at(0), at(k - 1), at(k)]);
                 out.faces.push(face[cell as usize]);
             }

@@ -10,9 +10,10 @@
 
 use super::geometry::Metric;
 use super::graph::{Graph, Growth};
-use super::half_edges::{HalfEdges, NONE};
+use super::half_edges::HalfEdges;
 use super::handles::Sets;
 use crate::topology::{Csr, vertex_elements};
+use crate::vec3::{V3, lerp, norm, sub};
 
 /// What counts as a limb.
 #[derive(Clone, Copy, Debug)]
@@ -100,16 +101,18 @@ fn at_least_two(graph: &Graph, cut: &mut Vec<u32>) {
 /// Triangles over nodes, and what parts of them measure.
 struct Shape {
     triangles: Vec<[u32; 3]>,
-    midlines: Vec<[f64; 3]>, // opposite to each corner: where a part ends whose border separates this corner
-    at: Csr,                 // the triangles at each node
-    area: Vec<f64>,          // of each node, a third of its triangles
+    corners: Vec<[V3; 3]>,
+    at: Csr,        // the triangles at each node
+    area: Vec<f64>, // of each node, a third of its triangles
     whole: f64,
 }
 
+/// Levels of the distance at which parts are measured. Few triangles cross more than one, save on coarse meshes.
+const LEVELS: usize = 256;
+
 impl Shape {
     fn new(surface: &HalfEdges, node: &[u32], n: usize, metric: &Metric<'_>) -> Self {
-        let mut triangles = Vec::new();
-        let mut midlines = Vec::new();
+        let (mut triangles, mut corners) = (Vec::new(), Vec::new());
         let mut area = vec![0.0; n];
         for c in 0..surface.n_cells() {
             let side = surface.side(c);
@@ -118,14 +121,14 @@ impl Shape {
                 let v = h.map(|h| surface.vertex[h]);
                 let t = h.map(|h| node[h]);
                 triangles.push(t);
-                midlines.push([0, 1, 2].map(|i| 0.5 * metric.length(v[(i + 1) % 3], v[(i + 2) % 3])));
+                corners.push(v.map(|v| metric.at(v)));
                 let third = metric.area(v) / 3.0;
                 t.iter().for_each(|&i| area[i as usize] += third);
             }
         }
         let at = vertex_elements(n, triangles.iter().map(|t| &t[..]));
         let whole = area.iter().sum();
-        Shape { triangles, midlines, at, area, whole }
+        Shape { triangles, corners, at, area, whole }
     }
 
     /// The farthest node of each limb that holds no smaller one, ascending.
@@ -133,68 +136,108 @@ impl Shape {
         let n = self.area.len();
         let mut order: Vec<u32> = (0..n as u32).filter(|&v| distance[v as usize] != u64::MAX).collect();
         order.sort_unstable_by_key(|&v| (std::cmp::Reverse(distance[v as usize]), v));
+        let farthest = order.first().map_or(0, |&v| distance[v as usize]).max(1) as f64;
+        let d = |v: u32| distance[v as usize] as f64;
+        let value = |level: usize| (level as f64 + 0.5) / LEVELS as f64 * farthest;
+        let crossing = self.crossing(&d, farthest);
+
+        let mut sets = Sets::new(n);
+        let mut part = vec![Part::default(); n];
         let mut inside = vec![false; n];
-        let mut parts = Sets::new(n);
-        let mut part = vec![Part { area: 0.0, border: 0.0, tip: NONE, has_limb: false }; n];
-        let mut found = Vec::new();
-        for (rank, &v) in order.iter().enumerate() {
-            if distance[v as usize] == 0 {
-                break; // the cut itself
+        let (mut next, mut found, mut touched) = (0, Vec::new(), Vec::new());
+        for level in (0..LEVELS).rev() {
+            let t = value(level);
+            while let Some(&v) = order.get(next).filter(|&&v| d(v) >= t) {
+                inside[v as usize] = true;
+                part[v as usize] = Part { area: self.area[v as usize], tip: next as u32, ..Part::default() };
+                for &i in self.at.row(v as usize) {
+                    let around = self.triangles[i as usize].into_iter().filter(|&w| inside[w as usize]);
+                    around.for_each(|w| unite(&mut sets, &mut part, v, w));
+                }
+                next += 1;
             }
-            part[v as usize] = Part { area: self.area[v as usize], border: 0.0, tip: rank as u32, has_limb: false };
-            inside[v as usize] = true;
-            let mut root = v;
-            let mut border = 0.0;
-            for &t in self.at.row(v as usize) {
-                let (corners, lines) = (self.triangles[t as usize], self.midlines[t as usize]);
-                let Some(k) = corners.iter().position(|&c| c == v) else { continue };
-                let [a, b] = [(k + 1) % 3, (k + 2) % 3];
-                let [in_a, in_b] = [a, b].map(|i| inside[corners[i] as usize]);
-                border += match (in_a, in_b) {
-                    (false, false) => lines[k],
-                    (true, false) => lines[b] - lines[a],
-                    (false, true) => lines[a] - lines[b],
-                    (true, true) => -lines[k],
-                };
-                for i in [a, b] {
-                    if inside[corners[i] as usize] {
-                        root = unite(&mut parts, &mut part, root, corners[i]);
-                    }
+            touched.clear();
+            for &i in crossing.row(level) {
+                let corners = self.triangles[i as usize];
+                if let Some(&v) = corners.iter().find(|&&v| inside[v as usize]) {
+                    let root = sets.root(v);
+                    part[root as usize].rim += contour(self.corners[i as usize], corners.map(d), t);
+                    touched.push(root);
                 }
             }
-            let p = &mut part[root as usize];
-            p.border += border;
-            let rho = 4.0 * std::f64::consts::PI * p.area / (p.border * p.border);
-            if !p.has_limb && p.area >= limbs.least_area * self.whole && rho > limbs.ratio {
-                p.has_limb = true;
-                found.push(order[p.tip as usize]);
+            touched.sort_unstable();
+            touched.dedup();
+            for &root in &touched {
+                let p = &mut part[root as usize];
+                let rim = std::mem::take(&mut p.rim);
+                let ratio = 4.0 * std::f64::consts::PI * p.area / (rim * rim);
+                if !p.has_limb && p.area >= limbs.least_area * self.whole && ratio > limbs.ratio {
+                    p.has_limb = true;
+                    found.push(order[p.tip as usize]);
+                }
             }
         }
         found.sort_unstable();
         found
     }
+
+    /// The triangles that each level crosses.
+    fn crossing(&self, d: &impl Fn(u32) -> f64, farthest: f64) -> Csr {
+        // The first level whose value (level + 1/2) / LEVELS farthest is above x.
+        let above = |x: f64| ((x / farthest * LEVELS as f64 + 0.5).floor().max(0.0) as usize).min(LEVELS);
+        let range = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(d);
+            above(a.min(b).min(c))..above(a.max(b).max(c))
+        };
+        let mut offsets = vec![0u32; LEVELS + 1];
+        for t in &self.triangles {
+            range(t).for_each(|l| offsets[l + 1] += 1);
+        }
+        (0..LEVELS).for_each(|l| offsets[l + 1] += offsets[l]);
+        let mut next = offsets.clone();
+        let mut items = vec![0; offsets[LEVELS] as usize];
+        for (i, t) in self.triangles.iter().enumerate() {
+            for l in range(t) {
+                items[next[l] as usize] = i as u32;
+                next[l] += 1;
+            }
+        }
+        Csr { offsets, items }
+    }
+}
+
+/// The length of the line in a triangle where a linear function of the values `f` at its corners is `t`.
+fn contour(x: [V3; 3], f: [f64; 3], t: f64) -> f64 {
+    let mut ends = [[0.0; 3]; 2];
+    let mut count = 0;
+    for k in 0..3 {
+        let (a, b) = (k, (k + 1) % 3);
+        if (f[a] < t) != (f[b] < t) && count < 2 {
+            ends[count] = lerp(x[a], x[b], (t - f[a]) / (f[b] - f[a]));
+            count += 1;
+        }
+    }
+    if count == 2 { norm(sub(ends[0], ends[1])) } else { 0.0 }
 }
 
 /// A connected part {d >= t}.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Part {
     area: f64,
-    border: f64,
+    rim: f64,
     tip: u32, // the rank of its farthest node
     has_limb: bool,
 }
 
-/// Joins the parts of two nodes and returns the root of both.
-fn unite(sets: &mut Sets, part: &mut [Part], a: u32, b: u32) -> u32 {
+/// Joins the parts of two nodes.
+fn unite(sets: &mut Sets, part: &mut [Part], a: u32, b: u32) {
     let (a, b) = (sets.root(a), sets.root(b));
     let (keep, gone) = if part[a as usize].area >= part[b as usize].area { (a, b) } else { (b, a) };
     if sets.join(keep, gone).is_some() {
         let other = part[gone as usize];
         let p = &mut part[keep as usize];
         p.area += other.area;
-        p.border += other.border;
         p.has_limb |= other.has_limb;
         p.tip = p.tip.min(other.tip);
     }
-    keep
 }

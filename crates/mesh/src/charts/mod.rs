@@ -19,11 +19,13 @@ mod handles;
 mod limbs;
 mod places;
 mod select;
+mod split;
 
 #[cfg(test)]
 mod tests;
 
 pub use check::disk_defect;
+pub use split::{Part, shortest_cut, split};
 
 use edges::Edges;
 use geometry::Metric;
@@ -39,8 +41,8 @@ pub struct ChartOptions {
     /// Edges of the mesh, as pairs of vertices in any order, along which the surface is cut open.
     pub seams: Vec<[u32; 2]>,
     /// Closed parts are cut into each limb whose isoperimetric ratio 4 pi A / P^2 (area A beyond a rim of length P)
-    /// passes this: 2 for a hemisphere, 1 + 2 L / r for a tube of length L and radius r. Lower means longer seams and
-    /// less stretch.
+    /// passes this. No flat region has more than 1, so that what has more must be stretched; a hemisphere has 2, a
+    /// tube of length L and radius r with a flat end 1 + 2 L / r. Lower means longer seams and less stretch.
     pub limb_ratio: f64,
     /// Limbs of less than this part of the area of their surface are not cut.
     pub least_limb: f64,
@@ -48,7 +50,7 @@ pub struct ChartOptions {
 
 impl Default for ChartOptions {
     fn default() -> Self {
-        ChartOptions { seams: Vec::new(), limb_ratio: 5.0, least_limb: 0.005 }
+        ChartOptions { seams: Vec::new(), limb_ratio: 1.15, least_limb: 0.005 }
     }
 }
 
@@ -128,7 +130,8 @@ pub fn charts(mesh: &Mesh, options: &ChartOptions) -> Result<Charts> {
     cut::open_parts(&mut half_edges, &metric, options, &mut out.repairs);
 
     let reversed = std::mem::take(&mut out.reversed_faces);
-    let (charts, places) = emit::charts(&half_edges, &face, |f| reversed.binary_search(&f).is_ok(), &metric);
+    let (charts, places) =
+        emit::charts(&half_edges, &face, |c| reversed.binary_search(&face[c as usize]).is_ok(), &metric);
     out.reversed_faces = reversed;
     out.charts = charts;
     drop(half_edges);

@@ -1,4 +1,0 @@
-#[test]
-fn nothing() {
-    assert_eq!(1 + 1, 2);
-}
