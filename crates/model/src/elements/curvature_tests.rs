@@ -152,7 +152,9 @@ where
                 assert!((raw[j][i] - raw[i][j]).abs() <= 1e-13 * scale);
             }
         }
-        for projected in [&clamped, &absolute] {
+        // What stands in for it has no negative eigenvalue either.
+        let [proxy, killing] = [Projection::Reweighted, Projection::Killing].map(&mut hessian);
+        for projected in [&clamped, &absolute, &proxy, &killing] {
             let (least, size) = extremes(projected.clone());
             assert!(least >= -1e-10 * size, "{} {D}x{K}: {least} of {size}", E::NAME);
         }

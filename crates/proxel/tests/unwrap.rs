@@ -1,0 +1,216 @@
+//! Maps of surfaces: the same minimum by every method, on generated surfaces and on those of the papers.
+
+use proxel::mesh::Mesh;
+use proxel::mesh::generate::cloth;
+use proxel::mesh::uv::{Certificate, CertificateOptions, certify};
+use proxel::settings::{UnwrapMethod, UnwrapSettings};
+use proxel::split::Status;
+use proxel::unwrap::{Flat, Hooks, MapRow, UnwrapInput, Unwrapped, Weights, start, unwrap};
+use std::path::PathBuf;
+
+/// The heightfield z = 0.6 sin 2.5 x cos 2 y over [-1, 1]^2.
+fn patch(cells: usize) -> Mesh {
+    let mut mesh = cloth([cells, cells], [2.0, 2.0]).expect("a sheet");
+    let (low, _) = mesh.bounding_box().expect("vertices");
+    for p in &mut mesh.points {
+        let q = [p[0] - low[0] - 1.0, p[1] + p[2] - low[1] - low[2] - 1.0];
+        *p = [q[0], q[1], 0.6 * (2.5 * q[0]).sin() * (2.0 * q[1]).cos()];
+    }
+    mesh
+}
+
+fn settings(method: UnwrapMethod) -> UnwrapSettings {
+    UnwrapSettings { method, pack: false, max_iters: 3000, ..UnwrapSettings::default() }
+}
+
+fn run(mesh: &Mesh, settings: &UnwrapSettings) -> Unwrapped {
+    let input = UnwrapInput { mesh: mesh.clone(), ..UnwrapInput::default() };
+    unwrap(&input, settings, &mut Hooks { traced: true, ..Hooks::default() }).expect("a surface")
+}
+
+fn certificate(mesh: &Mesh, map: &Unwrapped) -> Certificate {
+    let options = CertificateOptions { reversed_faces: map.charts.reversed_faces.clone() };
+    certify(&mesh.points, &mesh.faces, &map.uv, &options).expect("a map of this mesh")
+}
+
+/// A parameterization mesh of the papers; none where the data is missing, which is said.
+fn data(name: &str) -> Option<Mesh> {
+    let found = std::env::var_os("PROXEL_DATA").map(|dir| PathBuf::from(dir).join("parameterization").join(name));
+    match found.filter(|path| path.exists()) {
+        Some(path) => Some(proxel::mesh::read_mesh(&path).expect("a mesh")),
+        None => {
+            eprintln!("skipped: PROXEL_DATA names no folder with parameterization/{name}");
+            None
+        }
+    }
+}
+
+/// Whether a map has moved by a rotation only: distances between vertices are what they were.
+fn same_shape(a: &Unwrapped, b: &Unwrapped, tolerance: f64) {
+    let (p, q) = (&a.uv.coordinates, &b.uv.coordinates);
+    assert_eq!(p.len(), q.len());
+    let distance = |p: &[[f64; 2]], i: usize, j: usize| (p[i][0] - p[j][0]).hypot(p[i][1] - p[j][1]);
+    let size = (0..p.len()).map(|i| distance(p, 0, i)).fold(0.0, f64::max);
+    for i in 0..p.len() {
+        let j = (i * 7919 + 13) % p.len();
+        let gap = (distance(p, i, j) - distance(q, i, j)).abs();
+        assert!(gap <= tolerance * size, "{i} and {j}: {gap} of {size}");
+    }
+}
+
+#[test]
+fn every_method_reaches_the_same_map() {
+    let mesh = patch(12);
+    let reference = run(&mesh, &settings(UnwrapMethod::Newton));
+    assert_eq!(reference.status, Status::Converged, "{}", reference.report.reason);
+    let energy = certificate(&mesh, &reference).distortion.energy;
+    for method in UnwrapMethod::ALL {
+        let map = run(&mesh, &settings(method));
+        let c = certificate(&mesh, &map);
+        assert_eq!((c.flips, c.zero_area, c.overlaps.triangle_pairs), (0, 0, 0), "{}", method.as_str());
+        // First-order methods with static weights or proxies crawl at the end.
+        let slow = matches!(method, UnwrapMethod::Slim | UnwrapMethod::Akvf | UnwrapMethod::Bcqn);
+        let tolerance = if slow { 1e-6 } else { 1e-9 };
+        let gap = c.distortion.energy / energy - 1.0;
+        assert!(gap.abs() <= tolerance, "{}: {gap:e}, {}", method.as_str(), map.report.reason);
+        if !slow {
+            assert_eq!(map.status, Status::Converged, "{}: {}", method.as_str(), map.report.reason);
+            same_shape(&map, &reference, 1e-5);
+        }
+        assert_eq!(map.report.iterations, map.rows.len() - 1);
+    }
+}
+
+#[test]
+fn the_report_agrees_with_the_certificate() {
+    let mesh = patch(10);
+    let map = run(&mesh, &settings(UnwrapMethod::Auto));
+    let c = certificate(&mesh, &map);
+    let energy = map.report.energy.expect("finite");
+    assert!((energy - c.distortion.energy).abs() <= 1e-12 * energy);
+    // In units of the mesh the scale is the best one.
+    assert!((c.distortion.scale - 1.0).abs() < 1e-8, "{}", c.distortion.scale);
+    let last = map.rows.last().expect("rows");
+    assert!((last.energy - energy).abs() <= 1e-12 * energy && last.flips == 0);
+    assert!((map.rows[0].energy - 1.0) > 10.0 * (energy - 1.0), "the circle is far from the minimum");
+}
+
+#[test]
+fn a_flat_sheet_becomes_itself() {
+    let mesh = cloth([9, 4], [3.0, 1.0]).expect("a sheet");
+    let map = run(&mesh, &settings(UnwrapMethod::Auto));
+    let c = certificate(&mesh, &map);
+    assert!((c.distortion.energy - 1.0).abs() < 1e-12 && (c.distortion.max_stretch - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn the_same_bits_on_any_number_of_threads() {
+    let mesh = patch(40);
+    let of = |threads| run(&mesh, &UnwrapSettings { threads: Some(threads), ..UnwrapSettings::default() }).uv;
+    let one = of(1);
+    assert!(one == of(2) && one == of(3));
+}
+
+#[test]
+fn units_and_origin_change_nothing() {
+    let mesh = patch(16);
+    let base = run(&mesh, &settings(UnwrapMethod::Auto));
+    let size = base.uv.coordinates.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let moved = |scale: f64, offset: f64, tolerance: f64| {
+        let points = mesh.points.iter().map(|p| p.map(|v| v * scale + offset)).collect();
+        let map = run(&mesh.with_points(points).expect("as many"), &settings(UnwrapMethod::Auto));
+        for (a, b) in base.uv.coordinates.iter().flatten().zip(map.uv.coordinates.iter().flatten()) {
+            assert!((a - b / scale).abs() <= tolerance * size, "{a} {b}");
+        }
+    };
+    moved(1e-6, 0.0, 1e-9);
+    moved(1e8, 0.0, 1e-9);
+    moved(1.0, 1e6, 1e-7);
+}
+
+#[test]
+fn pins_hold_and_weights_pull() {
+    let mesh = patch(10);
+    let free = run(&mesh, &settings(UnwrapMethod::Auto));
+    let pins = vec![(0, [0.25, -0.125]), (5, [1.3, 0.1])];
+    let input = UnwrapInput { mesh: mesh.clone(), pins: pins.clone(), ..UnwrapInput::default() };
+    let held = unwrap(&input, &UnwrapSettings::default(), &mut Hooks::default()).expect("a surface");
+    assert_eq!(held.status, Status::Converged, "{}", held.report.reason);
+    let chart = &held.charts.charts[0];
+    for (v, at) in &pins {
+        let local = chart.vertices.iter().position(|u| u == v).expect("mapped");
+        assert_eq!(held.uv.coordinates[local], *at);
+    }
+    let (c, best) = (certificate(&mesh, &held), certificate(&mesh, &free));
+    assert!(c.flips == 0 && c.distortion.energy_as_given > best.distortion.energy);
+    // Faces that count a hundred times as much are less distorted.
+    let half = mesh.faces.len() / 2;
+    let weights: Vec<f64> = (0..mesh.faces.len()).map(|f| if f < half { 100.0 } else { 1.0 }).collect();
+    let input = UnwrapInput { mesh: mesh.clone(), weights: Some(weights), ..UnwrapInput::default() };
+    let pulled = unwrap(&input, &settings(UnwrapMethod::Auto), &mut Hooks::default()).expect("a surface");
+    assert_eq!(pulled.status, Status::Converged, "{}", pulled.report.reason);
+    let part = |map: &Unwrapped| {
+        let faces: Vec<[u32; 3]> = (0..half).map(|f| std::array::from_fn(|k| mesh.faces.get(f)[k])).collect();
+        let part = Mesh::from_triangles("part", mesh.points.clone(), &faces);
+        let uv = proxel::mesh::uv::UvMap {
+            coordinates: map.uv.coordinates.clone(),
+            corners: map.uv.corners[..3 * half].to_vec(),
+        };
+        certify(&part.points, &part.faces, &uv, &CertificateOptions::default())
+            .expect("a map")
+            .distortion
+            .energy_as_given
+    };
+    assert!(part(&pulled) < part(&free), "{} {}", part(&pulled), part(&free));
+}
+
+#[test]
+fn tutte_stands_in_where_the_harmonic_start_flips() {
+    // A needle whose obtuse triangles have negative cotangents beyond what the fan can bear.
+    let points =
+        vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.001, 0.0], [0.5, 0.999, 0.0]];
+    let triangles = [[0, 1, 4], [1, 2, 5], [2, 3, 5], [3, 0, 4], [4, 1, 5], [3, 4, 5]];
+    let loops = [vec![0, 1, 2, 3]];
+    let flat = Flat::new(&points, &triangles, &loops).expect("an area");
+    let found = start(&flat).expect("a start");
+    assert_eq!(found.flips, 0, "{:?}", found.weights);
+    assert!(matches!(found.weights, Weights::Cotangent | Weights::Uniform));
+}
+
+/// Iterations to 1 % of the least energy, by the energy of the local variable while triangles are flipped, as the paper
+/// counts, and to 1e-6.
+fn counts(rows: &[MapRow], least: f64) -> (Option<usize>, Option<usize>) {
+    let seen = |r: &MapRow| if r.flips > 0 { r.energy_z } else { r.energy };
+    let early = rows.iter().position(|r| seen(r) <= 1.01 * least);
+    let late = rows.iter().position(|r| r.flips == 0 && r.energy <= least * (1.0 + 1e-6));
+    (early, late)
+}
+
+#[test]
+fn horse_as_in_the_paper() {
+    let Some(mesh) = data("horse.obj") else { return };
+    let least = 1.022_320_952_1; // of the reference code, W, Figure 11h
+    for (method, early, late) in
+        [(UnwrapMethod::Auto, 3, 21), (UnwrapMethod::WrapdCm, 3, 49), (UnwrapMethod::Wrapd, 8, 69)]
+    {
+        let map = run(&mesh, &UnwrapSettings { max_iters: 80, ..settings(method) });
+        let c = certificate(&mesh, &map);
+        assert_eq!((c.flips, c.charts, c.seam_length), (0, 1, 0.0));
+        let gap = c.distortion.energy / least - 1.0;
+        assert!(gap.abs() < 1e-6, "{}: {gap:e}", method.as_str());
+        let (found_early, found_late) = counts(&map.rows, least);
+        assert!(found_early.is_some_and(|k| k <= early), "{}: {found_early:?}", method.as_str());
+        assert!(found_late.is_some_and(|k| k <= late), "{}: {found_late:?}", method.as_str());
+    }
+}
+
+#[test]
+fn dino_whose_harmonic_start_has_flips() {
+    let Some(mesh) = data("dino.obj") else { return };
+    let map = run(&mesh, &settings(UnwrapMethod::Auto));
+    assert_eq!(map.status, Status::Converged, "{}", map.report.reason);
+    // Tutte's start has the energy that the reference code reports.
+    assert!((map.rows[0].energy / 117.625_295 - 1.0).abs() < 1e-8, "{}", map.rows[0].energy);
+    let c = certificate(&mesh, &map);
+    assert!(c.flips == 0 && (c.distortion.energy / 1.021_865_882_9 - 1.0).abs() < 1e-9, "{}", c.distortion.energy);
+}
