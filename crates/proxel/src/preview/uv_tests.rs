@@ -88,7 +88,7 @@ fn a_map_shows_stretch_flips_borders_and_seams() {
     // The triangles are torn apart: every edge that they share is a seam.
     let torn: Vec<_> = uv.iter().enumerate().map(|(i, t)| t.map(|p| [p[0] + 1.5 * i as f64, p[1]])).collect();
     let cut = picture(&torn, &stretch, &triangles);
-    assert!(count(&cut, seam) > 50, "{}", count(&cut, seam));
+    assert!(count(&cut, seam) > 20, "{}", count(&cut, seam));
 }
 
 #[test]
