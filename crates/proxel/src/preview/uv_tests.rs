@@ -1,10 +1,8 @@
 use super::*;
 
-const RED_GREEN_BLUE: fn([u8; 3]) -> [i32; 3] = |c| c.map(i32::from);
-
 fn near(a: [u8; 3], color: [f32; 3]) -> bool {
     let b = color.map(|c| color::to_byte(color::to_linear(c)));
-    RED_GREEN_BLUE(a).iter().zip(RED_GREEN_BLUE(b)).all(|(a, b)| (a - b).abs() <= 2)
+    (0..3).all(|k| a[k].abs_diff(b[k]) <= 2)
 }
 
 fn count(image: &Image, color: [f32; 3]) -> usize {
@@ -88,7 +86,7 @@ fn a_map_shows_stretch_flips_borders_and_seams() {
     // The triangles are torn apart: every edge that they share is a seam.
     let torn: Vec<_> = uv.iter().enumerate().map(|(i, t)| t.map(|p| [p[0] + 1.5 * i as f64, p[1]])).collect();
     let cut = picture(&torn, &stretch, &triangles);
-    assert!(count(&cut, seam) > 50, "{}", count(&cut, seam));
+    assert!(count(&cut, seam) > 20, "{}", count(&cut, seam));
 }
 
 #[test]

@@ -41,7 +41,16 @@ impl Page {
         let last = self.side.min(below.saturating_sub(1)).checked_sub(mask.height)?;
         // What blocks one row tends to block the next one: it is tried first.
         let mut order = tried_in_order(mask.grown.len());
-        (0..=last).find_map(|y| self.find_in_row(mask, y, &mut order).map(|x| [x, y]))
+        for y in 0..=last {
+            let first = order.first().map(|&i| mask.grown[i as usize]);
+            if first.is_some_and(|run| self.widest[y + run.row as usize] < run.len) {
+                continue; // most rows of a page that is nearly full
+            }
+            if let Some(x) = self.find_in_row(mask, y, &mut order) {
+                return Some([x, y]);
+            }
+        }
+        None
     }
 
     /// The leftmost place in a row. All places are tried at once, 64 in a word: those are blocked from which some run
@@ -51,7 +60,7 @@ impl Page {
         let mut free = 0..places.div_ceil(64); // words where some bits may be free
         self.blocked.clear();
         self.blocked.resize(free.end, 0);
-        if places % 64 != 0 {
+        if !places.is_multiple_of(64) {
             self.blocked[free.end - 1] = u64::MAX << (places % 64);
         }
         for i in 0..order.len() {
@@ -93,7 +102,7 @@ impl Page {
             let words = &mut self.levels[0][range.clone()];
             for (w, &bits) in solid.row(j).iter().enumerate() {
                 words[w + x / 64] |= bits << (x % 64);
-                if x % 64 != 0 {
+                if !x.is_multiple_of(64) {
                     words[w + x / 64 + 1] |= bits >> (64 - x % 64);
                 }
             }
