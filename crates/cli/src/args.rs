@@ -122,8 +122,7 @@ fn demo_names() -> PossibleValuesParser {
 /// The options that every solving command has.
 #[derive(Args)]
 pub struct SolveArgs {
-    /// The result; the extension names the format. VTU and PLY carry stretches, energy density,
-    /// von Mises stress and reaction forces too.
+    /// The result; the extension names the format.
     #[arg(long, short, value_name = "FILE", required_unless_present = "show_settings")]
     pub out: Option<PathBuf>,
     /// A report of the run, as JSON.
@@ -132,7 +131,7 @@ pub struct SolveArgs {
     /// One row an iteration, as CSV.
     #[arg(long, value_name = "T.csv")]
     pub trace: Option<PathBuf>,
-    /// A picture of rest, start and result.
+    /// A picture: of rest, start and result, or of a map coloured by its distortion.
     #[arg(long, value_name = "P.png")]
     pub preview: Option<PathBuf>,
     /// Threads; all processors if not given. The result is the same for any number.

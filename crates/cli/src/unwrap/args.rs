@@ -48,6 +48,12 @@ pub struct UnwrapArgs {
     /// Texels per unit of length on the surface, instead of as many as fit.
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     pub density: Option<f64>,
+    /// A picture of the surface with a checkerboard laid on by the map, from the front and from behind.
+    #[arg(long, value_name = "P.png")]
+    pub preview_3d: Option<PathBuf>,
+    /// The surface with the distortion of the map as colours of vertices.
+    #[arg(long, value_name = "H.ply")]
+    pub heatmap: Option<PathBuf>,
     #[command(flatten)]
     pub solve: SolveArgs,
     #[command(flatten)]

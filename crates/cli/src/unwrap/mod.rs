@@ -2,6 +2,7 @@
 
 mod args;
 mod lists;
+mod pictures;
 mod run;
 
 pub use args::UnwrapArgs;

@@ -12,6 +12,7 @@ use proxel_mesh::uv::{
 };
 use proxel_mesh::{Format, Mesh, read_mesh_lenient};
 
+use super::pictures::Pictures;
 use super::{UnwrapArgs, lists};
 use crate::files::{Outputs, peak_bytes, write_text};
 use crate::interrupt::{CANCELLED, Interrupt};
@@ -36,6 +37,8 @@ pub fn run(args: &UnwrapArgs) -> Result<u8, Refusal> {
         .file("--report", args.solve.report.as_deref(), &[])?
         .file("--trace", args.solve.trace.as_deref(), &[])?
         .file("--preview", args.solve.preview.as_deref(), &["png"])?
+        .file("--preview-3d", args.preview_3d.as_deref(), &["png"])?
+        .file("--heatmap", args.heatmap.as_deref(), &["ply"])?
         .check()?;
     let interrupt = Interrupt::listen()?;
     let began = Instant::now();
@@ -111,6 +114,7 @@ impl Writing<'_> {
             let certificate = self.write_map(mesh, &result)?;
             written.push(self.out.display().to_string());
             certified(&mut result, &certificate, mesh);
+            self.draw(mesh, &result, &mut written)?;
         }
         if let Some(path) = &self.args.solve.trace {
             let lines: Vec<String> = result.rows.iter().map(MapRow::to_csv).collect();
@@ -139,6 +143,21 @@ impl Writing<'_> {
             Status::Stopped => 3,
             Status::Cancelled => CANCELLED,
         })
+    }
+
+    fn draw(&self, mesh: &Mesh, result: &Unwrapped, written: &mut Vec<String>) -> Result<(), Refusal> {
+        let (map, surface) = (&self.args.solve.preview, &self.args.preview_3d);
+        let heat = &self.args.heatmap;
+        if map.is_none() && surface.is_none() && heat.is_none() {
+            return Ok(());
+        }
+        let packed = result.report.map.as_ref().is_some_and(|m| m.density.is_some());
+        let pictures = Pictures::new(mesh, result, packed);
+        map.as_ref().map_or(Ok(()), |path| pictures.map(path))?;
+        surface.as_ref().map_or(Ok(()), |path| pictures.surface(path))?;
+        heat.as_ref().map_or(Ok(()), |path| pictures.heat(path))?;
+        written.extend([map, surface, heat].into_iter().flatten().map(|path| path.display().to_string()));
+        Ok(())
     }
 
     /// Writes the map, reads it back and examines it.

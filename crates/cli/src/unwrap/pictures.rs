@@ -1,0 +1,62 @@
+//! The pictures of a map: in the plane, on the surface, as colours of vertices.
+
+use std::path::Path;
+
+use proxel::preview::{Camera, UvPicture, draw_checkerboard, draw_uv_map, heat_map, stretches};
+use proxel::unwrap::Unwrapped;
+use proxel_mesh::{Mesh, write_mesh};
+
+use crate::refusal::Refusal;
+
+/// Size of a picture.
+const SIZE: [usize; 2] = [1024, 1024];
+const SIDE_BY_SIDE: [usize; 2] = [1440, 720];
+
+/// The triangles that are mapped, with what pictures need of them.
+pub struct Pictures<'a> {
+    mesh: &'a Mesh,
+    triangles: Vec<[u32; 3]>,
+    uv: Vec<[[f64; 2]; 3]>,
+    stretch: Vec<f64>,
+    packed: bool,
+}
+
+impl<'a> Pictures<'a> {
+    /// Of the faces as fans around their first corners.
+    pub fn new(mesh: &'a Mesh, result: &Unwrapped, packed: bool) -> Self {
+        let (mut triangles, mut uv) = (Vec::new(), Vec::new());
+        for (f, face) in mesh.faces.iter().enumerate() {
+            let first = mesh.faces.offsets()[f] as usize;
+            for k in 2..face.len() {
+                let corners = [0, k - 1, k];
+                let places = corners.map(|c| result.uv.at(first + c));
+                if let [Some(a), Some(b), Some(c)] = places {
+                    triangles.push(corners.map(|c| face[c]));
+                    uv.push([a, b, c]);
+                }
+            }
+        }
+        let stretch = stretches(&mesh.points, &triangles, &uv);
+        Pictures { mesh, triangles, uv, stretch, packed }
+    }
+
+    /// The map, coloured by distortion, with its seams.
+    pub fn map(&self, path: &Path) -> Result<(), Refusal> {
+        let picture =
+            UvPicture { triangles: &self.triangles, uv: &self.uv, stretch: &self.stretch, unit_square: self.packed };
+        Ok(draw_uv_map(&picture, SIZE[0], SIZE[1]).write_png(path)?)
+    }
+
+    /// A checkerboard on the surface, from the front and from behind.
+    pub fn surface(&self, path: &Path) -> Result<(), Refusal> {
+        let [width, height] = SIDE_BY_SIDE;
+        let picture =
+            draw_checkerboard(&self.mesh.points, &self.triangles, &self.uv, &Camera::default(), width, height);
+        Ok(picture.write_png(path)?)
+    }
+
+    /// Distortion as colours of vertices, in PLY.
+    pub fn heat(&self, path: &Path) -> Result<(), Refusal> {
+        Ok(write_mesh(path, self.mesh, &heat_map(&self.mesh.points, &self.triangles, &self.stretch)?)?)
+    }
+}
