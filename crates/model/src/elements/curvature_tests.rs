@@ -134,7 +134,9 @@ where
             term.add_hessian(x, projection, matrix.values_mut());
             dense(&matrix)
         };
-        let [raw, clamped, absolute] = [Projection::None, Projection::Clamp, Projection::Absolute].map(&mut hessian);
+        let all =
+            [Projection::None, Projection::Clamp, Projection::Absolute, Projection::Reweighted, Projection::Killing];
+        let [raw, clamped, absolute, proxy, killing] = all.map(&mut hessian);
         let scale = raw.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
         let h = 1e-5;
         let gradient = |term: &mut Elements<D, K, Polar>, j: usize, d: f64| {
@@ -152,8 +154,6 @@ where
                 assert!((raw[j][i] - raw[i][j]).abs() <= 1e-13 * scale);
             }
         }
-        // What stands in for it has no negative eigenvalue either.
-        let [proxy, killing] = [Projection::Reweighted, Projection::Killing].map(&mut hessian);
         for projected in [&clamped, &absolute, &proxy, &killing] {
             let (least, size) = extremes(projected.clone());
             assert!(least >= -1e-10 * size, "{} {D}x{K}: {least} of {size}", E::NAME);

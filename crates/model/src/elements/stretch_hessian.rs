@@ -223,6 +223,7 @@ fn project_matrix<T: Real, const K: usize>(h: &mut [[T; K]; K], projection: Proj
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::energy::SymmetricDirichlet;
 
     #[test]
     fn places_fill_the_array() {
@@ -239,6 +240,48 @@ mod tests {
             }
             places.sort_unstable();
             assert_eq!(places, (0..curvatures(k)).collect::<Vec<_>>(), "{k}");
+        }
+    }
+
+    const STRETCHES: [[f64; 2]; 4] = [[1.0, 1.0], [1.7, 0.4], [1.2, 1.1], [0.8, 0.3]];
+
+    #[test]
+    fn at_rest_all_of_them_are_the_hessian() {
+        let energy = SymmetricDirichlet { scale: 2.0 };
+        let of = |projection| stretch_hessian::<f64, _, 2>(&energy, [1.0, 1.0], projection);
+        let (hessian, killing, reweighted) =
+            (of(Projection::None), of(Projection::Killing), of(Projection::Reweighted));
+        for c in 0..curvatures(2) {
+            assert!((hessian[c] - killing[c]).abs() < 1e-12, "{c}");
+        }
+        for i in 0..2 {
+            assert_eq!(reweighted[place_of_entry(2, i, i)], hessian[place_of_entry(2, i, i)]);
+        }
+    }
+
+    #[test]
+    fn the_proxy_has_the_gradient_of_the_energy() {
+        let energy = SymmetricDirichlet { scale: 2.0 };
+        for s in STRETCHES {
+            let proxy = stretch_hessian::<f64, _, 2>(&energy, s, Projection::Reweighted);
+            let g: [f64; 2] = energy.gradient(s);
+            for i in 0..2 {
+                let gap = proxy[place_of_entry(2, i, i)] * (s[i] - 1.0) - g[i];
+                assert!(gap.abs() <= 1e-12 * (1.0 + g[i].abs()), "{s:?}: {gap}");
+            }
+        }
+    }
+
+    #[test]
+    fn rotations_cost_no_killing_energy() {
+        let energy = SymmetricDirichlet { scale: 2.0 };
+        for s in STRETCHES {
+            let form = stretch_hessian::<f64, _, 2>(&energy, s, Projection::Killing);
+            // dF = omega F has h_ij = omega_ij s_j.
+            let (h01, h10) = (s[1], -s[0]);
+            let [b01, b10, c] = [0, 1, 2].map(|k| form[place_of_pair(2, 0, 1) + k]);
+            let cost = b01 * h01 * h01 + b10 * h10 * h10 + 2.0 * c * h01 * h10;
+            assert!(cost.abs() < 1e-12 * b01, "{s:?}: {cost}");
         }
     }
 }

@@ -10,7 +10,9 @@ fn count(image: &Image, color: [f32; 3]) -> usize {
 }
 
 /// A square of 8 triangles around a vertex in the middle, as a map: the surface itself.
-fn fan() -> (Vec<[f64; 3]>, Vec<[u32; 3]>, Vec<[[f64; 2]; 3]>) {
+type Mapped = (Vec<[f64; 3]>, Vec<[u32; 3]>, Vec<[[f64; 2]; 3]>);
+
+fn fan() -> Mapped {
     let mut points = vec![[0.5, 0.5, 0.0]];
     points.extend([[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [1, 2], [0, 2], [0, 1]].map(|p| {
         let [x, y] = p.map(|c| 0.5 * f64::from(c));

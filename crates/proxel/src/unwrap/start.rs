@@ -107,10 +107,11 @@ impl Circle {
                         }
                     }
                 }
-                if *a != FIXED && *b != FIXED {
-                    if let Some(slot) = pattern.slot((*a).max(*b) as usize, (*a).min(*b) as usize) {
-                        values[slot] -= w.weight;
-                    }
+                if *a != FIXED
+                    && *b != FIXED
+                    && let Some(slot) = pattern.slot((*a).max(*b) as usize, (*a).min(*b) as usize)
+                {
+                    values[slot] -= w.weight;
                 }
             }
             let symbolic = Arc::new(Symbolic::analyze(&pattern, Ordering::Auto).map_err(refuse)?);
