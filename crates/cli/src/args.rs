@@ -11,6 +11,7 @@ use proxel::settings::DeformSettings;
 
 use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
+use crate::demo_unwrap::UNWRAP;
 use crate::unwrap::UnwrapArgs;
 
 /// Poses elastic bodies and flattens surfaces: minimises deformation energies under constraints.
@@ -98,7 +99,7 @@ pub struct ConvertArgs {
 pub struct DemoArgs {
     /// What is posed: octopus; cloth: bending and hard strain limits; planar: a strip in two dimensions; springs: a net;
     /// mixed: tetrahedra, triangles and edges in one mesh; animation: a bar that follows keyframes, as
-    /// SAMPLE.glb.
+    /// SAMPLE.glb; unwrap: a map of the octopus's skin, with pictures.
     #[arg(value_name = "SAMPLE", value_parser = demo_names(), default_value = OCTOPUS)]
     pub sample: String,
     /// The folder for SAMPLE.vtu, SAMPLE.obj and SAMPLE.png; made if it is not there.
@@ -116,7 +117,7 @@ pub struct DemoArgs {
 pub const OCTOPUS: &str = "octopus";
 
 fn demo_names() -> PossibleValuesParser {
-    PossibleValuesParser::new([OCTOPUS].into_iter().chain(NAMES).chain([ANIMATION]))
+    PossibleValuesParser::new([OCTOPUS].into_iter().chain(NAMES).chain([ANIMATION, UNWRAP]))
 }
 
 /// The options that every solving command has.

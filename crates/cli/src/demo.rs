@@ -10,6 +10,7 @@ use proxel_mesh::generate::{Arm, Octopus, OctopusSettings, octopus};
 use crate::args::DemoArgs;
 use crate::deform::{Files, Inputs, solve_and_write};
 use crate::demo_animation::{self, ANIMATION};
+use crate::demo_unwrap::{self, UNWRAP};
 use crate::interrupt::Interrupt;
 use crate::refusal::Refusal;
 
@@ -17,6 +18,9 @@ use crate::refusal::Refusal;
 pub fn run(args: &DemoArgs) -> Result<u8, Refusal> {
     if args.sample == ANIMATION {
         return demo_animation::run(args);
+    }
+    if args.sample == UNWRAP {
+        return demo_unwrap::run(args);
     }
     let began = Instant::now();
     let Sample { about, input, settings } = match sample(&args.sample) {

@@ -16,6 +16,7 @@ mod convert;
 mod deform;
 mod demo;
 mod demo_animation;
+mod demo_unwrap;
 mod files;
 mod info;
 mod interrupt;

@@ -69,6 +69,13 @@ pub struct UnwrapMethodArgs {
     /// majorization; cm, slim, akvf, bcqn, projected-newton, newton: from a start without flips.
     #[arg(long, value_name = "NAME", value_parser = methods(), default_value = UnwrapMethod::default().as_str())]
     pub method: String,
+    /// The energy that is minimised. Reports and traces have the symmetric Dirichlet energy of the map in any case.
+    #[arg(long, value_name = "NAME", value_parser = energies(), default_value = UnwrapSettings::default().energy)]
+    pub energy: String,
+}
+
+fn energies() -> PossibleValuesParser {
+    PossibleValuesParser::new(proxel::model::energy::names(2))
 }
 
 fn methods() -> PossibleValuesParser {
@@ -80,6 +87,7 @@ impl UnwrapArgs {
     pub fn settings(&self) -> Result<UnwrapSettings, Refusal> {
         let settings = UnwrapSettings {
             method: UnwrapMethod::from_name(&self.method.method).unwrap_or_default(), // clap lets no other through
+            energy: self.method.energy.clone(),
             pack: !self.no_pack,
             padding: self.padding,
             resolution: self.resolution,

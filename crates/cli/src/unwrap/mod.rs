@@ -6,4 +6,4 @@ mod pictures;
 mod run;
 
 pub use args::UnwrapArgs;
-pub use run::run;
+pub use run::{Files, Job, run};

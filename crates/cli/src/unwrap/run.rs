@@ -31,22 +31,52 @@ pub fn run(args: &UnwrapArgs) -> Result<u8, Refusal> {
     let (Some(path), Some(out)) = (&args.mesh, &args.solve.out) else {
         return Err(Refusal::new("MESH and --out are needed; see proxel unwrap --help"));
     };
-    require_uv_format(out)?;
-    Outputs::default()
-        .mesh("--out", out)?
-        .file("--report", args.solve.report.as_deref(), &[])?
-        .file("--trace", args.solve.trace.as_deref(), &[])?
-        .file("--preview", args.solve.preview.as_deref(), &["png"])?
-        .file("--preview-3d", args.preview_3d.as_deref(), &["png"])?
-        .file("--heatmap", args.heatmap.as_deref(), &["ply"])?
-        .check()?;
+    let files = Files {
+        out: out.clone(),
+        report: args.solve.report.clone(),
+        trace: args.solve.trace.clone(),
+        map: args.solve.preview.clone(),
+        surface: args.preview_3d.clone(),
+        heat: args.heatmap.clone(),
+    };
+    files.check()?;
     let interrupt = Interrupt::listen()?;
     let began = Instant::now();
     let input = read(args, path)?;
     let read = began.elapsed().as_secs_f64();
-    let result = solve(&input, &settings, args, &interrupt)?;
-    interrupt.writing();
-    Writing { args, source: path, out, input: &input, read }.write(result)
+    let job = Job { source: Some(path), files: &files, input: &input, read, quiet: args.solve.quiet };
+    job.run(&settings, &interrupt)
+}
+
+/// Where results go.
+pub struct Files {
+    /// The mesh with its map.
+    pub out: PathBuf,
+    /// JSON.
+    pub report: Option<PathBuf>,
+    /// CSV.
+    pub trace: Option<PathBuf>,
+    /// The map in the plane, PNG.
+    pub map: Option<PathBuf>,
+    /// The surface with a checkerboard, PNG.
+    pub surface: Option<PathBuf>,
+    /// The distortion as colours of vertices, PLY.
+    pub heat: Option<PathBuf>,
+}
+
+impl Files {
+    /// Checks that all can be written.
+    pub fn check(&self) -> Result<(), Refusal> {
+        require_uv_format(&self.out)?;
+        Outputs::default()
+            .mesh("--out", &self.out)?
+            .file("--report", self.report.as_deref(), &[])?
+            .file("--trace", self.trace.as_deref(), &[])?
+            .file("--preview", self.map.as_deref(), &["png"])?
+            .file("--preview-3d", self.surface.as_deref(), &["png"])?
+            .file("--heatmap", self.heat.as_deref(), &["ply"])?
+            .check()
+    }
 }
 
 fn read(args: &UnwrapArgs, path: &Path) -> Result<UnwrapInput, Refusal> {
@@ -73,37 +103,44 @@ fn read(args: &UnwrapArgs, path: &Path) -> Result<UnwrapInput, Refusal> {
     Ok(UnwrapInput { mesh, seams, start, pins, weights })
 }
 
-fn solve(
-    input: &UnwrapInput,
-    settings: &UnwrapSettings,
-    args: &UnwrapArgs,
-    interrupt: &Interrupt,
-) -> Result<Unwrapped, Refusal> {
-    if let Some(n) = settings.threads {
-        // For what follows the solve. A pool that is there already is no harm.
-        let _ = rayon::ThreadPoolBuilder::new().num_threads(n).build_global();
-    }
-    let bar = Bar::new(args.solve.quiet, settings.max_iters);
-    let mut on_progress = |p: &Progress| bar.show(p);
-    let mut hooks = Hooks { traced: args.solve.trace.is_some(), cancel: interrupt.solving(), ..Hooks::default() };
-    if bar.is_shown() {
-        hooks.progress = Some(&mut on_progress);
-    }
-    let result = unwrap(input, settings, &mut hooks);
-    bar.clear();
-    Ok(result?)
+/// What is mapped, and where to.
+pub struct Job<'a> {
+    /// The file that the mesh was read from, whose attributes are kept.
+    pub source: Option<&'a Path>,
+    /// Where results go.
+    pub files: &'a Files,
+    /// The problem.
+    pub input: &'a UnwrapInput,
+    /// Seconds spent reading.
+    pub read: f64,
+    /// Whether nothing is printed.
+    pub quiet: bool,
 }
 
-/// What is written, and where to.
-struct Writing<'a> {
-    args: &'a UnwrapArgs,
-    source: &'a Path,
-    out: &'a Path,
-    input: &'a UnwrapInput,
-    read: f64,
-}
+impl Job<'_> {
+    /// Solves, writes, says how it went; returns the exit status.
+    pub fn run(&self, settings: &UnwrapSettings, interrupt: &Interrupt) -> Result<u8, Refusal> {
+        let result = self.solve(settings, interrupt)?;
+        interrupt.writing();
+        self.write(result)
+    }
 
-impl Writing<'_> {
+    fn solve(&self, settings: &UnwrapSettings, interrupt: &Interrupt) -> Result<Unwrapped, Refusal> {
+        if let Some(n) = settings.threads {
+            // For what follows the solve. A pool that is there already is no harm.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(n).build_global();
+        }
+        let bar = Bar::new(self.quiet, settings.max_iters);
+        let mut on_progress = |p: &Progress| bar.show(p);
+        let mut hooks = Hooks { traced: self.files.trace.is_some(), cancel: interrupt.solving(), ..Hooks::default() };
+        if bar.is_shown() {
+            hooks.progress = Some(&mut on_progress);
+        }
+        let result = unwrap(self.input, settings, &mut hooks);
+        bar.clear();
+        Ok(result?)
+    }
+
     fn write(&self, mut result: Unwrapped) -> Result<u8, Refusal> {
         let began = Instant::now();
         let mesh = &self.input.mesh;
@@ -112,11 +149,11 @@ impl Writing<'_> {
         let kept = result.uv.coordinates.iter().flatten().all(|v| v.is_finite());
         if kept {
             let certificate = self.write_map(mesh, &result)?;
-            written.push(self.out.display().to_string());
+            written.push(self.files.out.display().to_string());
             certified(&mut result, &certificate, mesh);
             self.draw(mesh, &result, &mut written)?;
         }
-        if let Some(path) = &self.args.solve.trace {
+        if let Some(path) = &self.files.trace {
             let lines: Vec<String> = result.rows.iter().map(MapRow::to_csv).collect();
             write_text(path, &format!("{}\n{}\n", MapRow::HEADER, lines.join("\n")))?;
             written.push(path.display().to_string());
@@ -125,13 +162,13 @@ impl Writing<'_> {
         report.seconds.read = self.read;
         report.seconds.write = began.elapsed().as_secs_f64();
         report.peak_bytes = peak_bytes();
-        if let Some(path) = &self.args.solve.report {
+        if let Some(path) = &self.files.report {
             let text = serde_json::to_string_pretty(&report)
                 .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
             write_text(path, &(text + "\n"))?;
             written.push(path.display().to_string());
         }
-        if !self.args.solve.quiet {
+        if !self.quiet {
             say(&result, &written);
         }
         Ok(match result.status {
@@ -146,8 +183,7 @@ impl Writing<'_> {
     }
 
     fn draw(&self, mesh: &Mesh, result: &Unwrapped, written: &mut Vec<String>) -> Result<(), Refusal> {
-        let (map, surface) = (&self.args.solve.preview, &self.args.preview_3d);
-        let heat = &self.args.heatmap;
+        let Files { map, surface, heat, .. } = self.files;
         if map.is_none() && surface.is_none() && heat.is_none() {
             return Ok(());
         }
@@ -162,27 +198,24 @@ impl Writing<'_> {
 
     /// Writes the map, reads it back and examines it.
     fn write_map(&self, mesh: &Mesh, result: &Unwrapped) -> Result<Certificate, Refusal> {
-        let format = Format::from_path(self.source).ok();
-        let data = match format {
-            Some(Format::Obj | Format::Ply) => std::fs::read(self.source)
-                .map_err(|e| Refusal::new(format!("{}: cannot be read again: {e}", self.source.display())))?,
-            _ => Vec::new(),
+        let source = self.source.and_then(|path| Some((path, Format::from_path(path).ok()?)));
+        let source = source.filter(|(_, format)| matches!(format, Format::Obj | Format::Ply));
+        let read = |path: &Path| {
+            std::fs::read(path)
+                .map_err(|e| Refusal::new(format!("{}: cannot be read again: {e}; its map is lost", path.display())))
         };
-        let name = self.source.display().to_string();
-        let source = format.filter(|f| matches!(f, Format::Obj | Format::Ply)).map(|format| Source {
-            format,
-            file: &name,
-            data: &data,
-        });
-        write_with_uv(self.out, mesh, source, &result.uv)?;
+        let data = source.map_or(Ok(Vec::new()), |(path, _)| read(path))?;
+        let name = source.map(|(path, _)| path.display().to_string()).unwrap_or_default();
+        let source = source.map(|(_, format)| Source { format, file: &name, data: &data });
+        write_with_uv(&self.files.out, mesh, source, &result.uv)?;
         let options = CertificateOptions { reversed_faces: result.charts.reversed_faces.clone() };
-        let written = Format::from_path(self.out)?;
+        let written = Format::from_path(&self.files.out)?;
         if matches!(written, Format::Gltf | Format::Glb) {
             // Its triangles and vertices are not the user's; what it stores of the map is.
             return Ok(certify(&mesh.points, &mesh.faces, &as_stored(&result.uv, written), &options)?);
         }
-        let back = read_mesh_lenient(self.out)?;
-        let map = read_uv(self.out)?.unwrap_or_default();
+        let back = read_mesh_lenient(&self.files.out)?;
+        let map = read_uv(&self.files.out)?.unwrap_or_default();
         Ok(certify(&back.points, &back.faces, &map, &options)?)
     }
 }

@@ -34,12 +34,14 @@ mod arap;
 mod corotated;
 mod fixed_corotated;
 mod limited;
+mod mips;
 mod neo_hookean;
 mod relaxed_symmetric_dirichlet;
 mod spring;
 mod stable_neo_hookean;
 mod stvk;
 mod symmetric_dirichlet;
+mod symmetric_gradient;
 
 pub use arap::Arap;
 pub use corotated::Corotated;
@@ -47,6 +49,7 @@ pub use dispatch::{EnergyVisitor, UnknownEnergy, names, visit_1d, visit_2d, visi
 pub use fixed_corotated::FixedCorotated;
 pub use lame::{Lame, MaterialError};
 pub use limited::{LimitError, Limited};
+pub use mips::Mips;
 pub use neo_hookean::NeoHookean;
 pub use newton::newton_prox;
 pub use relaxed_symmetric_dirichlet::RelaxedSymmetricDirichlet;
@@ -55,6 +58,7 @@ pub use stable_neo_hookean::StableNeoHookean;
 pub use stvk::StVenantKirchhoff;
 pub use symmetric::largest_eigenvalue;
 pub use symmetric_dirichlet::SymmetricDirichlet;
+pub use symmetric_gradient::SymmetricGradient;
 
 use proxel_linalg::simd::Real;
 
@@ -72,6 +76,8 @@ macro_rules! for_each_energy {
             FixedCorotated [1 2 3]
             Arap [1 2 3]
             SymmetricDirichlet [1 2 3]
+            SymmetricGradient [1 2 3]
+            Mips [2]
             Spring [1]
         }
     };

@@ -70,6 +70,7 @@ fn names_lead_to_energies_and_wrong_ones_are_told() {
         ("fixed-corotated", 13.0),
         ("arap", 4.0),
         ("symmetric-dirichlet", 4.0),
+        ("symmetric-gradient", 4.0),
     ] {
         let found = visit_3d(name, &lame, Rest).unwrap();
         assert!((found - stiffness).abs() < 1e-12, "{name} {found}");
