@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 /// Examples of the facade that assert what they say.
-const EXAMPLES: [&str; 3] = ["pose", "own_problem", "surface"];
+const EXAMPLES: [&str; 4] = ["pose", "own_problem", "surface", "unwrap"];
 
 /// Runs everything that can fail and says at the end what did.
 pub fn test() -> Result<(), Failure> {

@@ -244,6 +244,15 @@ fn certified(result: &mut Unwrapped, c: &Certificate, mesh: &Mesh) {
         ..before
     };
     result.report.map = Some(map);
+    if c.overlaps.triangle_pairs > 0 {
+        result.report.warnings.push(format!(
+            "{}: the map overlaps itself: {} pairs of triangles meet, as of the faces {} and {} (0-based)",
+            mesh.name,
+            c.overlaps.triangle_pairs,
+            c.overlaps.faces.first().map_or(0, |f| f[0]),
+            c.overlaps.faces.first().map_or(0, |f| f[1])
+        ));
+    }
     if c.flips + c.zero_area > 0 && result.status == Status::Converged {
         result.status = Status::Stopped;
         result.report.status = Status::Stopped.as_str().to_string();
