@@ -1,212 +1,247 @@
-//! Maps without overlaps: the border of a chart is kept from crossing itself by a scaffold around it.
+//! Maps without overlaps: a scaffold around a chart keeps its border from crossing itself.
 
 use super::chart::{self, ChartInput, ChartMap, Order, Watcher, in_units, middle};
 use super::flat::{Flat, best_scale, flips, symmetric_dirichlet};
-use super::scaffold::Scaffold;
+use super::scaffold::{Scaffold, augmented};
 use super::start::bijective_starts;
 use super::watch::TimeLimit;
 use super::{Hooks, UnwrapError};
 use crate::settings::UnwrapSettings;
 use proxel_mesh::Mesh;
 use proxel_mesh::uv::{CertificateOptions, UvMap, certify};
-use proxel_model::elements::{Batch, BatchShape, BatchWeights, Flattened, batch};
-use proxel_model::energy::{Energy, Lame, SymmetricDirichlet};
 use proxel_split::{
-    Cancel, GradientTolerance, IterationLimit, Method, Newton, NoProgress, NormalMatrix, Observer, Outcome, Problem,
-    Quadratic, Residuals, Status, StepReport, Stop, SystemError,
+    Cancel, GradientTolerance, IterationLimit, Method, Newton, NormalMatrix, Observer, Outcome, Status, StepReport,
+    Stop, SystemError, Verdict,
 };
 use std::time::{Duration, Instant};
 
-fn env(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
+/// Weight of the first scaffold, as part of the chart's: E / (100 |S|) for each triangle, Jiang et al. 2017, section 3.2.
+const WEIGHT: f64 = 1e-2;
+
+/// Each further one weighs this part of the one before: the lighter it is, the narrower the gaps that it leaves.
+const LIGHTER: f64 = 0.9;
+
+/// But no less than this.
+const LEAST: f64 = 1e-4;
+
+/// Steps of Newton's method with one scaffold.
+const STEPS: usize = 3;
+
+/// Where a new scaffold lowers the energy by less than this part, the next one is the last, unless it lowers it by more.
+const SETTLED: f64 = 1e-5;
+
+/// Most steps with the last one.
+const LAST: usize = 30;
+
+/// Steps refused in a row, after which a scaffold is renewed.
+const REFUSALS: usize = 2;
 
 /// Minimises the energy of the map of a chart among the maps without overlaps: the free minimum where that has none, bit
-/// for bit; else by scaffolds (Jiang, Schaefer and Panozzo 2017) from a start without overlaps.
+/// for bit; else with scaffolds (Jiang, Schaefer and Panozzo 2017, "Simplicial complex augmentation framework for bijective
+/// maps") from a start without overlaps. Iterations of both are counted.
+///
+/// With each scaffold Newton's method takes a few steps on the energy of chart and scaffold. A new scaffold is at rest, so
+/// that the energy of the chart alone never rises; the map has converged when the gradient of the whole has vanished and
+/// yet another scaffold would hardly lower the energy of the chart.
 pub(super) fn solve(
     input: &ChartInput<'_>,
     settings: &UnwrapSettings,
     hooks: &mut Hooks<'_>,
     began: Instant,
 ) -> Result<ChartMap, UnwrapError> {
-    let entered = Instant::now();
     let mut free = chart::solve(input, settings, hooks, began)?;
     let Some(flat) = &Flat::new(&input.points, &input.chart.triangles, &input.chart.loops) else { return Ok(free) };
-    let overlaps = overlaps(flat, &free.uv)?;
-    if overlaps == Some(0) {
+    if is_bijective(flat, &free.uv)? {
         return Ok(free);
     }
-    let mut start = None;
     for uv in bijective_starts(flat, input.start.as_deref())? {
-        if self::overlaps(flat, &uv)? == Some(0) {
-            start = Some(uv);
-            break;
+        let factor = best_scale(flat, &uv);
+        let uv: Vec<[f64; 2]> = uv.iter().map(|p| p.map(|v| v * factor)).collect();
+        if is_bijective(flat, &uv)? {
+            return Run::new(flat, input, settings, free, uv).run(hooks, began);
         }
     }
-    let Some(start) = start else {
-        free.outcome.status = Status::Stopped;
-        free.outcome.reason = "the map overlaps itself, and there is no start without overlaps to begin --bijective with; cut \
-                               the surface with --seams"
-            .to_string();
-        return Ok(free);
-    };
-    let factor = best_scale(flat, &start);
-    let uv: Vec<[f64; 2]> = start.iter().map(|p| p.map(|v| v * factor)).collect();
-    Run { flat, input, settings, hooks, began, entered }.from(uv, free)
+    let outcome = &mut free.outcome;
+    if outcome.status == Status::Converged {
+        outcome.status = Status::Stopped;
+    }
+    outcome.reason = format!(
+        "the map overlaps itself, and --bijective found no start without overlaps; cut the surface with --seams, or begin \
+         with --from-uv; without --bijective: {}",
+        outcome.reason
+    );
+    Ok(free)
 }
 
-/// Pairs of triangles that lie over each other; none where a triangle is flipped.
-fn overlaps(flat: &Flat<'_>, uv: &[[f64; 2]]) -> Result<Option<u64>, UnwrapError> {
-    if flips(flat.triangles, uv) > 0 {
-        return Ok(None);
+/// Whether no triangle is flipped and none lies over another, by exact arithmetic.
+fn is_bijective(flat: &Flat<'_>, uv: &[[f64; 2]]) -> Result<bool, UnwrapError> {
+    let finite = uv.iter().flatten().all(|v| v.is_finite());
+    if !finite || flips(flat.triangles, uv) > 0 {
+        return Ok(false);
     }
     let mesh = Mesh::from_triangles("chart", flat.points.to_vec(), flat.triangles);
     let map = UvMap { coordinates: uv.to_vec(), corners: flat.triangles.concat() };
-    let found = certify(&mesh.points, &mesh.faces, &map, &CertificateOptions::default())?.overlaps;
-    Ok(Some(if found.is_injective() { 0 } else { found.triangle_pairs.max(1) }))
+    Ok(certify(&mesh.points, &mesh.faces, &map, &CertificateOptions::default())?.overlaps.is_injective())
 }
 
-/// A run with scaffolds.
-struct Run<'a, 'b, 'c> {
-    flat: &'a Flat<'c>,
-    input: &'a ChartInput<'c>,
+/// A run with scaffolds, and how far it is.
+struct Run<'a, 'b> {
+    flat: &'a Flat<'b>,
+    input: &'a ChartInput<'b>,
     settings: &'a UnwrapSettings,
-    hooks: &'a mut Hooks<'b>,
-    began: Instant,
-    entered: Instant,
+    order: Order,
+    uv: Vec<[f64; 2]>, // without overlaps, in units of the shapes
+    energy: f64,       // of the chart, normalised
+    weight: f64,       // of the scaffold
+    map: ChartMap,     // the counts so far
 }
 
-impl Run<'_, '_, '_> {
-    fn from(mut self, mut uv: Vec<[f64; 2]>, free: ChartMap) -> Result<ChartMap, UnwrapError> {
+/// What came of one scaffold.
+struct Round {
+    end: Option<Verdict>, // of the whole run
+    is_still: bool,       // whether the gradient has vanished
+    threshold: f64,       // below which it has
+    gain: f64,            // part of the chart's energy
+}
+
+impl<'a, 'b> Run<'a, 'b> {
+    fn new(
+        flat: &'a Flat<'b>,
+        input: &'a ChartInput<'b>,
+        settings: &'a UnwrapSettings,
+        free: ChartMap,
+        uv: Vec<[f64; 2]>,
+    ) -> Self {
+        let order = Order::new(flat, &[middle(&uv) as u32]);
+        let energy = symmetric_dirichlet(flat, &uv);
+        Run { flat, input, settings, order, uv, energy, weight: WEIGHT, map: free }
+    }
+
+    fn run(mut self, hooks: &mut Hooks<'_>, began: Instant) -> Result<ChartMap, UnwrapError> {
+        // Rows of the trace go on where those of the free map ended.
+        let before = Duration::try_from_secs_f64(self.map.rows.last().map_or(0.0, |row| row.seconds));
+        let now = Instant::now();
+        let since = now.checked_sub(before.unwrap_or_default()).unwrap_or(now);
+        let mut clock = (since, Duration::ZERO);
+        let mut settled = false;
+        let verdict = loop {
+            let round = match self.round(if settled { LAST } else { STEPS }, hooks, began, &mut clock) {
+                Ok(round) => round,
+                Err(e) => break Verdict { status: Status::Failed, reason: e.to_string() },
+            };
+            if let Some(verdict) = round.end {
+                break verdict;
+            }
+            let small = round.gain <= SETTLED;
+            if small && settled {
+                break self.verdict(&round);
+            }
+            settled = small;
+            self.weight = (LIGHTER * self.weight).max(LEAST);
+        };
+        self.finish(verdict)
+    }
+
+    /// Steps with a new scaffold.
+    fn round(
+        &mut self,
+        steps: usize,
+        hooks: &mut Hooks<'_>,
+        began: Instant,
+        clock: &mut (Instant, Duration),
+    ) -> Result<Round, SystemError> {
+        let refuse = |what: &str| SystemError::Stalled(format!("{what}; the map is the last one without overlaps"));
         let chart = self.flat;
-        let held = [middle(&uv) as u32];
-        let plain = Order::new(chart, &held);
-        let threshold_of = free.reference_gradient;
-        let mut rows = free.rows;
-        let mut outcome = free.outcome;
-        let mut energy = symmetric_dirichlet(chart, &uv);
-        let mut weight = env("W0", 0.01);
-        for outer in 0..env("OUTER", 200.0) as usize {
-            let t0 = Instant::now();
-            let Some(scaffold) = Scaffold::around(&uv, chart.loops) else {
-                outcome.reason = "border touches".into();
-                break;
-            };
-            let t1 = t0.elapsed();
-            let order = plain.with_between(scaffold.n_free);
-            let problem = augmented(chart, &order, &scaffold, &uv, self.input, self.settings, weight)?;
-            let characteristic = problem.characteristic_gradient();
-            let normal = NormalMatrix::new(&problem).map_err(|e| UnwrapError(e.to_string()))?;
-            let x = problem.x0.clone();
-            let t2 = t0.elapsed();
-            let mut newton = Newton::resume(problem, normal, x, self.settings.newton(), outcome.iterations)
-                .map_err(|e| UnwrapError(e.to_string()))?;
-            let mut tolerance =
-                GradientTolerance::against(self.settings.tol, 4.0 * threshold_of, characteristic);
-            let mut limit = IterationLimit((outcome.iterations + env("INNER", 3.0) as usize).min(self.settings.max_iters));
-            let mut stuck = NoProgress::new(2);
-            let mut cancel = Cancel(self.hooks.cancel.clone());
-            let mut time = TimeLimit::new(self.began, self.settings.time_limit);
-            let mut watcher = Watcher {
-                chart,
-                order: &order,
-                hooks: self.hooks,
-                began: self.entered,
-                watching: Duration::ZERO,
-                rows: Vec::new(),
-            };
-            let mut stops: [&mut dyn Stop; 5] = [&mut tolerance, &mut cancel, &mut time, &mut limit, &mut stuck];
-            let result = proxel_split::run(&mut newton, &mut stops, &mut watcher);
-            rows.append(&mut watcher.rows);
-            let g = newton.evaluate();
-            uv = order.user(&result.x);
-            let e = symmetric_dirichlet(chart, &uv);
-            if std::env::var("VERB").is_ok() {
-                println!(
-                    "outer {outer} E {e:.8} gain {:.2e} tri {} steiner {} its {} acc {} t {:.3} S {:.2e} g {:.2e} w {weight:.1e} | cdt {:.3} setup {:.3} all {:.3} {}",
-                    (energy - e) / e,
-                    scaffold.triangles.len(),
-                    scaffold.n_free,
-                    result.iterations - outcome.iterations,
-                    result.accepted,
-                    newton.last().t,
-                    g.energy.value / 4.0 + 1.0 - e,
-                    g.gradient_norm,
-                    t1.as_secs_f64(),
-                    t2.as_secs_f64(),
-                    t0.elapsed().as_secs_f64(),
-                    result.reason
-                );
+        let scaffold = Scaffold::around(&self.uv, chart.loops)
+            .ok_or_else(|| refuse("the border has come so near to itself that no scaffold fits around it"))?;
+        let order = self.order.with_between(scaffold.n_free);
+        let problem = augmented(chart, &order, &scaffold, &self.uv, self.input, self.settings, self.weight)?;
+        let reference = self.map.reference_gradient * chart::MODULUS;
+        let tolerance = GradientTolerance::against(self.settings.tol, reference, problem.characteristic_gradient());
+        let normal = NormalMatrix::new(&problem)?;
+        let (x, iteration) = (problem.x0.clone(), self.map.outcome.iterations);
+        let mut newton = Newton::resume(problem, normal, x, self.settings.newton(), iteration)?;
+        let mut watcher = Watcher { chart, order: &order, hooks, began: clock.0, watching: clock.1, rows: Vec::new() };
+        let mut cancel = Cancel(watcher.hooks.cancel.clone());
+        let mut time = TimeLimit::new(began, self.settings.time_limit);
+        let mut limit = IterationLimit(self.settings.max_iters);
+        let mut stops: [&mut dyn Stop; 3] = [&mut cancel, &mut time, &mut limit];
+        let mut report = StepReport { iteration, ..Default::default() };
+        let (mut refused, mut end) = (0, None);
+        let outcome = &mut self.map.outcome;
+        let is_still = loop {
+            if newton.evaluate().gradient_norm <= tolerance.threshold() {
+                break true;
             }
-            outcome.iterations = result.iterations;
-            let gain = (energy - e) / e;
-            energy = e;
-            outcome.x = result.x;
-            if gain < env("GAIN", 1e-6) {
-                break;
+            end = stops.iter_mut().find_map(|stop| stop.check(&mut newton, &report));
+            if end.is_some() || report.iteration >= iteration + steps || refused >= REFUSALS {
+                break false;
             }
-            weight = (weight * env("DROP", 0.9)).max(env("WMIN", 1e-4));
+            report = newton.step()?;
+            watcher.observe(&mut newton, &report);
+            refused = if report.accepted { 0 } else { refused + 1 };
+            count(outcome, &report);
+        };
+        self.map.rows.append(&mut watcher.rows);
+        clock.1 = watcher.watching;
+        self.map.gradient_norm = newton.evaluate().gradient_norm / chart::MODULUS;
+        self.map.factor_bytes = self.map.factor_bytes.max(newton.factor_bytes());
+        let uv = order.user(newton.x());
+        // What counts is exact arithmetic, not the energy's.
+        if flips(chart.triangles, &uv) > 0 || scaffold.is_flipped(&order, newton.x(), &uv) {
+            return Err(refuse("a step in floating-point arithmetic has turned over a triangle"));
         }
-        Ok(ChartMap { uv: in_units(chart, &uv, self.input), outcome, rows, energy, ..free })
+        let mut problem = Box::new(newton).into_problem();
+        if let Some(own) = problem.terms.first_mut() {
+            self.map.outcome.energy = own.energy(&order.solver(&uv), None);
+        }
+        let energy = symmetric_dirichlet(chart, &uv);
+        let gain = (self.energy - energy) / energy;
+        (self.uv, self.energy) = (uv, energy);
+        Ok(Round { end, is_still, threshold: tolerance.threshold(), gain })
+    }
+
+    /// After the last scaffold.
+    fn verdict(&self, round: &Round) -> Verdict {
+        let Round { threshold, gain, .. } = round;
+        let (gradient, weight, tol) = (self.map.gradient_norm * chart::MODULUS, self.weight, self.settings.tol);
+        let renewed = format!("renewing the scaffold lowers the energy by {gain:.1e} of it (at most {SETTLED:e})");
+        match round.is_still {
+            true => Verdict {
+                status: Status::Converged,
+                reason: format!(
+                    "gradient {gradient:e} of chart and scaffold (weight {weight:.1e}) is at most {threshold:e} (tolerance \
+                     {tol:e}); {renewed}"
+                ),
+            },
+            false => Verdict {
+                status: Status::Stopped,
+                reason: format!(
+                    "gradient {gradient:e} of chart and scaffold (weight {weight:.1e}) cannot be lowered to {threshold:e}; \
+                     give a larger --tol than {tol:e}; {renewed}"
+                ),
+            },
+        }
+    }
+
+    fn finish(mut self, verdict: Verdict) -> Result<ChartMap, UnwrapError> {
+        let sound = is_bijective(self.flat, &self.uv)?;
+        let outcome = &mut self.map.outcome;
+        (outcome.status, outcome.reason) = (verdict.status, verdict.reason);
+        if !sound {
+            outcome.status = Status::Failed;
+            outcome.reason = format!("the map overlaps itself for all its scaffold; {}", outcome.reason);
+        }
+        outcome.x = self.order.solver(&self.uv);
+        let uv = in_units(self.flat, &self.uv, self.input);
+        Ok(ChartMap { uv, energy: self.energy, energy_z: f64::INFINITY, ..self.map })
     }
 }
 
-/// The chart and its scaffold.
-fn augmented(
-    chart: &Flat<'_>,
-    order: &Order,
-    scaffold: &Scaffold,
-    uv: &[[f64; 2]],
-    input: &ChartInput<'_>,
-    settings: &UnwrapSettings,
-    weight: f64,
-) -> Result<Problem, UnwrapError> {
-    let refuse = |e: &dyn std::fmt::Display| UnwrapError(e.to_string());
-    let n = uv.len();
-    let total = n + scaffold.points.len();
-    let (own, barrier) = chart::term(chart, order, total, input, settings)?;
-    let numbers = |v: u32| match v as usize {
-        v if v < n => order.number[v],
-        v if v < n + scaffold.n_free => (order.between + v - n) as u32,
-        v => v as u32,
-    };
-    let elements: Vec<u32> = scaffold.triangles.iter().flatten().map(|v| numbers(*v)).collect();
-    let mut x0 = order.solver(uv);
-    x0.resize(2 * total, 0.0);
-    for (k, p) in scaffold.points.iter().enumerate() {
-        x0[2 * numbers((n + k) as u32) as usize..][..2].copy_from_slice(p);
-    }
-    let at = |v: u32| [x0[2 * v as usize], x0[2 * v as usize + 1]];
-    let (mut shapes, mut centers, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-    for t in elements.chunks_exact(3) {
-        let [p, q, r] = [at(t[0]), at(t[1]), at(t[2])];
-        let shape = [[q[0] - p[0], r[0] - p[0]], [q[1] - p[1], r[1] - p[1]]];
-        let area = 0.5 * (shape[0][0] * shape[1][1] - shape[0][1] * shape[1][0]);
-        shapes.push(shape);
-        centers.push([(p[0] + q[0] + r[0]) / 3.0, (p[1] + q[1] + r[1]) / 3.0, 0.0]);
-        weights.push(weight / (scaffold.triangles.len() as f64 * area));
-    }
-    let lame = Lame::new(chart::MODULUS, 0.0).map_err(|e| refuse(&e))?;
-    let (around, _) = batch(&Batch {
-        shape: BatchShape::PlanarTriangles,
-        positions: &[],
-        flattened: Some(Flattened { shapes: &shapes, centers: &centers, n_nodes: total }),
-        elements: &elements,
-        fill: Some(&weights),
-        energy: <SymmetricDirichlet as Energy<2>>::NAME,
-        lame: &lame,
-        limits: None,
-        rotation_aware: true,
-        singular_values: true,
-        weights: &|stiffness| BatchWeights { base: stiffness.largest, softening: 1.0 },
-    })
-    .map_err(|e| refuse(&e))?;
-    Ok(Problem {
-        dim: 2,
-        n_free: order.n_free + scaffold.n_free,
-        x0,
-        terms: vec![own, around],
-        quadratic: Quadratic::default(),
-        barrier,
-    })
+fn count(outcome: &mut Outcome, report: &StepReport) {
+    outcome.iterations = report.iteration;
+    outcome.inner_iterations += report.inner;
+    outcome.refactorisations += usize::from(report.refactorised);
+    *(if report.accepted { &mut outcome.accepted } else { &mut outcome.rejected }) += 1;
+    outcome.last = *report;
 }

@@ -12,8 +12,8 @@ use proxel_model::elements::{
 use proxel_model::energy::{Energy, Lame, RelaxedSymmetricDirichlet, SymmetricDirichlet};
 use proxel_split::{
     Admm, AdmmSettings, Auto, Cancel, Dial, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method,
-    Newton, NoProgress, Observer, Outcome, Problem, Quadratic, QuasiNewton, Relax, Residuals, Status, StepReport, Stop, Term,
-    SystemError,
+    Newton, NoProgress, Observer, Outcome, Problem, Quadratic, QuasiNewton, Relax, Residuals, Status, StepReport, Stop,
+    SystemError, Term,
 };
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -102,6 +102,11 @@ fn unwrap_here(
     began: Instant,
 ) -> Result<Unwrapped, UnwrapError> {
     let mesh = &input.mesh;
+    if settings.bijective && !input.pins.is_empty() {
+        let reason =
+            "a map without overlaps begins at a circle, where pins cannot be kept; leave out --bijective or --pin";
+        return Err(UnwrapError(format!("{}: {reason}", mesh.name)));
+    }
     mesh.check_indices()?;
     if let Some(weights) = &input.weights {
         pins::check_weights(mesh, weights)?;

@@ -1,5 +1,12 @@
 //! The empty space around a map, triangulated: what keeps borders from crossing.
 
+use super::chart::{self, ChartInput, Order};
+use super::flat::{Flat, flips};
+use crate::settings::UnwrapSettings;
+use proxel_model::elements::{Batch, BatchShape, BatchWeights, Flattened, batch};
+use proxel_model::energy::{Energy, Lame, SymmetricDirichlet};
+use proxel_split::{Problem, Quadratic, SystemError};
+use spade::handles::FixedVertexHandle;
 use spade::{
     AngleLimit, ConstrainedDelaunayTriangulation, Point2, RefinementParameters, Triangulation, mitigate_underflow,
 };
@@ -78,14 +85,14 @@ impl Scaffold {
             v => (n + v - n_fixed) as u32,
         };
         let place = |v: usize| {
-            let p = space.vertex(spade::handles::FixedVertexHandle::from_index(v)).position();
+            let p = space.vertex(FixedVertexHandle::from_index(v)).position();
             [p.x, p.y]
         };
         let points = (n_fixed..space.num_vertices()).chain(border.len()..n_fixed).map(place).collect();
         let mut seen = vec![false; space.num_all_faces()];
         let mut open = Vec::new();
         for [a, b] in edges {
-            let [a, b] = [*a, *b].map(spade::handles::FixedVertexHandle::from_index);
+            let [a, b] = [*a, *b].map(FixedVertexHandle::from_index);
             // The box runs around the empty space, borders around the map.
             let inside = if a.index() < border.len() { (b, a) } else { (a, b) };
             open.push(space.get_edge_from_neighbors(inside.0, inside.1)?.face());
@@ -103,6 +110,87 @@ impl Scaffold {
         }
         Some(Scaffold { points, n_free, triangles })
     }
+
+    /// The place of a vertex of map or scaffold among the nodes of the solver: free ones of the map, free ones of the
+    /// scaffold, fixed ones of the map, the box.
+    fn node(&self, order: &Order, v: u32) -> u32 {
+        let n = order.number.len();
+        match v as usize {
+            v if v < n => order.number[v],
+            v if v < n + self.n_free => (order.between + v - n) as u32,
+            _ => v,
+        }
+    }
+
+    /// Whether a triangle has no positive area where the solver is at x, by exact arithmetic.
+    pub fn is_flipped(&self, order: &Order, x: &[f64], uv: &[[f64; 2]]) -> bool {
+        let place = |v: u32| {
+            let at = 2 * self.node(order, v) as usize;
+            [x[at], x[at + 1]]
+        };
+        let all: Vec<[f64; 2]> = (0..(uv.len() + self.points.len()) as u32).map(place).collect();
+        flips(&self.triangles, &all) > 0
+    }
+}
+
+/// The chart and its scaffold: to the energy of the chart comes the symmetric Dirichlet energy of the scaffold's triangles, each
+/// with its present shape at rest and with the same weight, all together `weight` times the chart's (Jiang et al. 2017, eq. 3).
+///
+/// # Errors
+/// A triangle of the scaffold that has no area in floating-point arithmetic.
+pub(super) fn augmented(
+    chart: &Flat<'_>,
+    order: &Order,
+    scaffold: &Scaffold,
+    uv: &[[f64; 2]],
+    input: &ChartInput<'_>,
+    settings: &UnwrapSettings,
+    weight: f64,
+) -> Result<Problem, SystemError> {
+    let n = uv.len();
+    let total = n + scaffold.points.len();
+    let (own, barrier) =
+        chart::term(chart, order, total, input, settings).map_err(|e| SystemError::Factor(e.to_string()))?;
+    let elements: Vec<u32> = scaffold.triangles.iter().flatten().map(|v| scaffold.node(order, *v)).collect();
+    let mut x0 = order.solver(uv);
+    x0.resize(2 * total, 0.0);
+    for (v, p) in (n as u32..).zip(&scaffold.points) {
+        x0[2 * scaffold.node(order, v) as usize..][..2].copy_from_slice(p);
+    }
+    let at = |v: u32| [x0[2 * v as usize], x0[2 * v as usize + 1]];
+    let each = weight * own.scale().measure / scaffold.triangles.len() as f64;
+    let (mut shapes, mut centers, mut fill) = (Vec::new(), Vec::new(), Vec::new());
+    for t in elements.chunks_exact(3) {
+        let [p, q, r] = [at(t[0]), at(t[1]), at(t[2])];
+        let shape = [[q[0] - p[0], r[0] - p[0]], [q[1] - p[1], r[1] - p[1]]];
+        let area = 0.5 * (shape[0][0] * shape[1][1] - shape[0][1] * shape[1][0]);
+        shapes.push(shape);
+        centers.push([(p[0] + q[0] + r[0]) / 3.0, (p[1] + q[1] + r[1]) / 3.0, 0.0]);
+        fill.push(each / area);
+    }
+    let lame = Lame::new(chart::MODULUS, 0.0).map_err(|e| SystemError::Factor(e.to_string()))?;
+    let (around, _) = batch(&Batch {
+        shape: BatchShape::PlanarTriangles,
+        positions: &[],
+        flattened: Some(Flattened { shapes: &shapes, centers: &centers, n_nodes: total }),
+        elements: &elements,
+        fill: Some(&fill),
+        energy: <SymmetricDirichlet as Energy<2>>::NAME,
+        lame: &lame,
+        limits: None,
+        rotation_aware: true,
+        singular_values: true,
+        weights: &|stiffness| BatchWeights { base: stiffness.largest, softening: 1.0 },
+    })
+    .map_err(|e| SystemError::Factor(format!("the scaffold: {e}")))?;
+    Ok(Problem {
+        dim: 2,
+        n_free: order.n_free + scaffold.n_free,
+        x0,
+        terms: vec![own, around],
+        quadratic: Quadratic::default(),
+        barrier,
+    })
 }
 
 fn point(p: [f64; 2]) -> Point2<f64> {
