@@ -209,6 +209,8 @@ pub struct UnwrapSettings {
     pub proximal: f64,
     /// The same of `cm`.
     pub proximal_cm: f64,
+    /// Whether no two triangles of a chart may overlap.
+    pub bijective: bool,
     /// Whether the charts are packed into the unit square.
     pub pack: bool,
     /// Least distance of packed charts, in pixels.
@@ -240,6 +242,7 @@ impl Default for UnwrapSettings {
             shift: 1e-8,
             proximal: 1e-4,
             proximal_cm: 1.2e-5,
+            bijective: false,
             pack: true,
             padding: 2.0,
             resolution: 1024,

@@ -13,7 +13,7 @@ use proxel_model::energy::{Energy, Lame, RelaxedSymmetricDirichlet, SymmetricDir
 use proxel_split::{
     Admm, AdmmSettings, Auto, Cancel, Dial, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method,
     Newton, NoProgress, Observer, Outcome, Problem, Quadratic, QuasiNewton, Relax, Residuals, Status, StepReport, Stop,
-    SystemError,
+    SystemError, Term,
 };
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -87,16 +87,18 @@ pub(super) struct ChartMap {
 }
 
 /// Weights, moduli: symmetric Dirichlet with the stiffness 8 at rest, s^2 + s^-2 - 2 for each stretch, is that of mu = 4.
-const MODULUS: f64 = 4.0;
+pub(super) const MODULUS: f64 = 4.0;
 
 /// Vertices of a chart as the solver has them: fixed ones last, each kind along a space-filling curve.
-struct Order {
-    number: Vec<u32>, // of each vertex
-    n_free: usize,
+#[derive(Clone)]
+pub(super) struct Order {
+    pub number: Vec<u32>, // of each vertex
+    pub n_free: usize,
+    pub between: usize, // the first number that is left out for other nodes
 }
 
 impl Order {
-    fn new(chart: &Flat<'_>, fixed: &[u32]) -> Self {
+    pub fn new(chart: &Flat<'_>, fixed: &[u32]) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for p in chart.points {
             for d in 0..3 {
@@ -115,11 +117,19 @@ impl Order {
         for (place, (_, _, v)) in keyed.iter().enumerate() {
             number[*v as usize] = place as u32;
         }
-        Order { number, n_free: chart.points.len() - fixed.len() }
+        let n_free = chart.points.len() - fixed.len();
+        Order { number, n_free, between: n_free }
     }
 
-    fn solver(&self, uv: &[[f64; 2]]) -> Vec<f64> {
-        let mut x = vec![0.0; 2 * uv.len()];
+    /// With so many other nodes between the free and the fixed ones.
+    pub fn with_between(&self, nodes: usize) -> Self {
+        let moved = |at: &u32| if (*at as usize) < self.between { *at } else { *at + nodes as u32 };
+        Order { number: self.number.iter().map(moved).collect(), ..self.clone() }
+    }
+
+    pub fn solver(&self, uv: &[[f64; 2]]) -> Vec<f64> {
+        let nodes = self.number.iter().max().map_or(0, |last| *last as usize + 1);
+        let mut x = vec![0.0; 2 * nodes];
         for (uv, at) in uv.iter().zip(&self.number) {
             x[2 * *at as usize..][..2].copy_from_slice(uv);
         }
@@ -127,17 +137,17 @@ impl Order {
     }
 
     /// The triangles, in the solver's numbers.
-    fn elements(&self, chart: &Flat<'_>) -> Vec<u32> {
+    pub fn elements(&self, chart: &Flat<'_>) -> Vec<u32> {
         chart.triangles.iter().flatten().map(|v| self.number[*v as usize]).collect()
     }
 
-    fn user(&self, x: &[f64]) -> Vec<[f64; 2]> {
+    pub fn user(&self, x: &[f64]) -> Vec<[f64; 2]> {
         self.number.iter().map(|at| [x[2 * *at as usize], x[2 * *at as usize + 1]]).collect()
     }
 }
 
 /// The vertex nearest to the middle of the map's bounding box: what is held, since a map can be anywhere.
-fn middle(uv: &[[f64; 2]]) -> usize {
+pub(super) fn middle(uv: &[[f64; 2]]) -> usize {
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for p in uv {
         for d in 0..2 {
@@ -210,7 +220,7 @@ pub(super) fn solve(
 }
 
 /// In the user's units; pins exactly where they were put.
-fn in_units(chart: &Flat<'_>, flat: &[[f64; 2]], input: &ChartInput<'_>) -> Vec<[f64; 2]> {
+pub(super) fn in_units(chart: &Flat<'_>, flat: &[[f64; 2]], input: &ChartInput<'_>) -> Vec<[f64; 2]> {
     let unit = chart.scale.recip();
     let mut uv: Vec<[f64; 2]> = flat.iter().map(|p| p.map(|v| v * unit)).collect();
     for (v, target) in &input.pins {
@@ -310,12 +320,31 @@ fn problem(
     input: &ChartInput<'_>,
     settings: &UnwrapSettings,
 ) -> Result<Problem, UnwrapError> {
+    let (term, barrier) = term(chart, order, chart.points.len(), input, settings)?;
+    Ok(Problem {
+        dim: 2,
+        n_free: order.n_free,
+        x0: order.solver(&start.uv),
+        terms: vec![term],
+        quadratic: Quadratic::default(),
+        barrier,
+    })
+}
+
+/// The triangles of the chart as elements, and whether their energy is infinite at flips.
+pub(super) fn term(
+    chart: &Flat<'_>,
+    order: &Order,
+    n_nodes: usize,
+    input: &ChartInput<'_>,
+    settings: &UnwrapSettings,
+) -> Result<(Box<dyn Term>, bool), UnwrapError> {
     let lame = Lame::new(MODULUS, 0.0).map_err(|e| UnwrapError(e.to_string()))?;
     let scale = settings.admm.weight_scale;
-    let (term, barrier) = batch(&Batch {
+    batch(&Batch {
         shape: BatchShape::PlanarTriangles,
         positions: &[],
-        flattened: Some(Flattened { shapes: &chart.shapes, centers: &centers(chart), n_nodes: chart.points.len() }),
+        flattened: Some(Flattened { shapes: &chart.shapes, centers: &centers(chart), n_nodes }),
         elements: &order.elements(chart),
         fill: input.weights.as_deref(),
         energy: &settings.energy,
@@ -325,15 +354,7 @@ fn problem(
         singular_values: settings.admm.singular_values,
         weights: &|stiffness| BatchWeights { base: scale * stiffness.largest, softening: 1.0 },
     })
-    .map_err(|e| UnwrapError(e.to_string()))?;
-    Ok(Problem {
-        dim: 2,
-        n_free: order.n_free,
-        x0: order.solver(&start.uv),
-        terms: vec![term],
-        quadratic: Quadratic::default(),
-        barrier,
-    })
+    .map_err(|e| UnwrapError(e.to_string()))
 }
 
 /// The middles of the triangles in space.
@@ -429,13 +450,13 @@ fn method(
 }
 
 /// Feeds the hooks; keeps the rows of the trace.
-struct Watcher<'a, 'b, 'c> {
-    chart: &'a Flat<'c>,
-    order: &'a Order,
-    hooks: &'a mut Hooks<'b>,
-    began: Instant,
-    watching: Duration, // time spent on what only the hooks need
-    rows: Vec<MapRow>,
+pub(super) struct Watcher<'a, 'b, 'c> {
+    pub chart: &'a Flat<'c>,
+    pub order: &'a Order,
+    pub hooks: &'a mut Hooks<'b>,
+    pub began: Instant,
+    pub watching: Duration, // time spent on what only the hooks need
+    pub rows: Vec<MapRow>,
 }
 
 impl Observer for Watcher<'_, '_, '_> {

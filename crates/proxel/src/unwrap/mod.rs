@@ -4,9 +4,11 @@
 //! circle to the minimum of its energy, and the charts are packed.
 
 mod assemble;
+mod bijective;
 mod chart;
 mod flat;
 mod pins;
+mod scaffold;
 mod start;
 mod watch;
 
@@ -100,6 +102,11 @@ fn unwrap_here(
     began: Instant,
 ) -> Result<Unwrapped, UnwrapError> {
     let mesh = &input.mesh;
+    if settings.bijective && !input.pins.is_empty() {
+        let reason =
+            "a map without overlaps begins at a circle, where pins cannot be kept; leave out --bijective or --pin";
+        return Err(UnwrapError(format!("{}: {reason}", mesh.name)));
+    }
     mesh.check_indices()?;
     if let Some(weights) = &input.weights {
         pins::check_weights(mesh, weights)?;
@@ -180,14 +187,15 @@ fn solve_all(
     began: Instant,
 ) -> Result<Vec<ChartMap>, UnwrapError> {
     let (traced, cancel) = (hooks.traced, hooks.cancel.clone());
+    let solve = if settings.bijective { bijective::solve } else { chart::solve };
     let is_small = |input: &ChartInput<'_>| input.chart.triangles.len() < SMALL && inputs.len() > 1;
     let mut maps: Vec<Option<Result<ChartMap, UnwrapError>>> = inputs.iter().map(|_| None).collect();
     for (map, input) in maps.iter_mut().zip(inputs).filter(|(_, input)| !is_small(input)) {
-        *map = Some(chart::solve(input, settings, hooks, began));
+        *map = Some(solve(input, settings, hooks, began));
     }
     maps.par_iter_mut().zip(inputs).filter(|(_, input)| is_small(input)).for_each(|(map, input)| {
         let mut hooks = Hooks { progress: None, traced, cancel: cancel.clone() };
-        *map = Some(chart::solve(input, settings, &mut hooks, began));
+        *map = Some(solve(input, settings, &mut hooks, began));
     });
     maps.into_iter().flatten().collect()
 }

@@ -43,6 +43,23 @@ pub fn start(chart: &Flat<'_>) -> Result<Start, UnwrapError> {
     Ok(if tutte.flips <= harmonic.flips { tutte } else { harmonic })
 }
 
+/// What may be a start without overlaps, the likely best first: the given one, the harmonic map, and Tutte's, which in exact
+/// arithmetic has none.
+///
+/// # Errors
+/// A system that cannot be solved.
+pub(super) fn bijective_starts(
+    chart: &Flat<'_>,
+    given: Option<&[[f64; 2]]>,
+) -> Result<Vec<Vec<[f64; 2]>>, UnwrapError> {
+    let circle = Circle::new(chart);
+    let mut starts: Vec<Vec<[f64; 2]>> = given.map(|uv| uv.to_vec()).into_iter().collect();
+    for weights in [Weights::Cotangent, Weights::Uniform] {
+        starts.push(circle.solve(chart, weights)?.uv);
+    }
+    Ok(starts)
+}
+
 /// The fixed border, and the unknowns.
 struct Circle {
     uv: Vec<[f64; 2]>,   // of the border, 0 elsewhere
