@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand};
 use proxel::samples::NAMES;
 use proxel::settings::DeformSettings;
 
+use crate::batch::BatchCommand;
 use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
 use crate::demo_unwrap::UNWRAP;
@@ -28,6 +29,7 @@ Examples:
   proxel info body.mesh                                 what a mesh is, and what is wrong with it
   proxel deform body.node --pins hands.toml --out posed.vtu
   proxel unwrap spot.obj --out spot-uv.obj              texture coordinates
+  proxel batch unwrap scans --out uv --jobs 8           all meshes in a folder
   proxel convert body.msh --out body.vtu --refine 1
 
 Exit status: 0 converged or done, 1 failed, 2 bad input, 3 stopped before convergence, 130 cancelled.
@@ -40,6 +42,9 @@ pub enum Command {
     Deform(Box<DeformArgs>),
     /// Map a surface to the plane with the least distortion: UV coordinates.
     Unwrap(Box<UnwrapArgs>),
+    /// Do the same to many meshes, each in a process of its own, and go on where it was left.
+    #[command(subcommand, arg_required_else_help = true)]
+    Batch(BatchCommand),
     /// Pose a built-in octopus or another sample, and write it with a picture.
     Demo(DemoArgs),
     /// Say what a mesh is and what is wrong with it.
@@ -179,7 +184,7 @@ pub fn parse() -> Result<Command, ExitCode> {
 }
 
 /// Clap's several lines as one: what is wrong, tips, where help is.
-fn one_line(text: &str) -> String {
+pub fn one_line(text: &str) -> String {
     let mut parts: Vec<String> = Vec::new();
     for line in text.lines().map(str::trim).filter(|l| !l.is_empty()) {
         match parts.last_mut() {

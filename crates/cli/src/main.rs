@@ -12,6 +12,7 @@ macro_rules! say {
 }
 
 mod args;
+mod batch;
 mod convert;
 mod deform;
 mod demo;
@@ -33,6 +34,10 @@ use args::Command;
 const BAD_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
+    if let Err(refusal) = batch::limit_this_process() {
+        eprintln!("error: {refusal}");
+        return ExitCode::from(BAD_INPUT);
+    }
     let command = match args::parse() {
         Ok(command) => command,
         Err(code) => return code,
@@ -40,6 +45,7 @@ fn main() -> ExitCode {
     let end = match command {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
+        Command::Batch(command) => batch::run(command),
         Command::Demo(args) => demo::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),

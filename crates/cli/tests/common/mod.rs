@@ -1,6 +1,8 @@
 //! Runs the built `proxel` in a folder of its own.
 #![allow(dead_code)] // each test file uses a part
 
+pub mod surface;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
