@@ -102,7 +102,9 @@ impl Args for BatchArgs {
         command
             .mut_arg("mesh", |a| a.value_name("DIR|MANIFEST").help("A folder with meshes, or a list of meshes"))
             .mut_arg("out", |a| {
-                a.value_name("DIR").hide(false).help("The folder for maps, reports and results; made if it is not there")
+                a.value_name("DIR")
+                    .hide(false)
+                    .help("The folder for maps, reports and results; made if it is not there")
             })
             .mut_arg("time_limit", |a| {
                 a.long("time-limit-per-mesh").alias("time-limit").help(

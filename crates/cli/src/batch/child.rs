@@ -205,7 +205,8 @@ mod tests {
 
     #[test]
     fn who_writes_much_is_not_kept_waiting() {
-        let script = "i=0; while [ $i -lt 5000 ]; do echo 0123456789012345678901234567890123456789 >&2; i=$((i+1)); done";
+        let script =
+            "i=0; while [ $i -lt 5000 ]; do echo 0123456789012345678901234567890123456789 >&2; i=$((i+1)); done";
         let end = shell(script, Some(60.0), &Asked::default());
         assert_eq!((end.code, end.messages.len()), (Some(0), KEPT));
     }

@@ -50,6 +50,10 @@ mod tests {
             sha.hex()
         };
         assert_ne!(of(&["ab", "c"]), of(&["a", "bc"]));
-        assert_eq!(of(&[]), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855", "of nothing, FIPS 180-4");
+        assert_eq!(
+            of(&[]),
+            "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
+            "of nothing, FIPS 180-4"
+        );
     }
 }

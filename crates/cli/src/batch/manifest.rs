@@ -101,10 +101,8 @@ mod tests {
         let text = "# scans\r\na.obj\n\nsub/b c.stl\r\n\"d.ply\"\n/else/e.off\n../f.obj\n\
                     {\"mesh\": \"a.obj\", \"out\": \"./two/x.glb\", \"args\": [\"--method\", \"cm\"]}";
         let items = parsed(text).unwrap();
-        let files: Vec<(&str, &str, &str)> = items
-            .iter()
-            .map(|i| (i.mesh.to_str().unwrap(), i.out.to_str().unwrap(), i.place.as_str()))
-            .collect();
+        let files: Vec<(&str, &str, &str)> =
+            items.iter().map(|i| (i.mesh.to_str().unwrap(), i.out.to_str().unwrap(), i.place.as_str())).collect();
         let expected = [
             ("/base/a.obj", "a.obj", "line 2"),
             ("/base/sub/b c.stl", "sub/b c.obj", "line 4"),

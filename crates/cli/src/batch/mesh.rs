@@ -142,9 +142,7 @@ impl Job<'_> {
             flips: map.map(|m| m.flips),
             overlaps: map.map(|m| m.overlaps),
             charts: map.map(|m| m.charts),
-            report: report
-                .is_some()
-                .then(|| text_of(self.report.strip_prefix(&self.run.out).unwrap_or(&self.report))),
+            report: report.is_some().then(|| text_of(self.report.strip_prefix(&self.run.out).unwrap_or(&self.report))),
             ..self.record
         }
     }

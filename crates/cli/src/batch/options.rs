@@ -160,7 +160,8 @@ mod tests {
 
     #[test]
     fn options_are_passed_on_as_they_were_given() {
-        let options = one(&["--seams", "s.txt", "--no-pack", "--pin=p.txt", "--tol", "1e-6", "--threads", "3"]).unwrap();
+        let options =
+            one(&["--seams", "s.txt", "--no-pack", "--pin=p.txt", "--tol", "1e-6", "--threads", "3"]).unwrap();
         let given = words(&options);
         for word in ["--seams=/base/s.txt", "--no-pack", "--pin=/base/p.txt", "--tol=1e-6"] {
             assert!(given.contains(&word), "{word} is not in {given:?}");

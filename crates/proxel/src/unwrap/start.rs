@@ -34,7 +34,7 @@ pub struct Start {
 /// # Errors
 /// A system that cannot be solved.
 pub fn start(chart: &Flat<'_>) -> Result<Start, UnwrapError> {
-    let circle = Circle::new(chart);
+    let mut circle = Circle::new(chart);
     let harmonic = circle.solve(chart, Weights::Cotangent)?;
     if harmonic.flips == 0 {
         return Ok(harmonic);
@@ -52,7 +52,7 @@ pub(super) fn bijective_starts(
     chart: &Flat<'_>,
     given: Option<&[[f64; 2]]>,
 ) -> Result<Vec<Vec<[f64; 2]>>, UnwrapError> {
-    let circle = Circle::new(chart);
+    let mut circle = Circle::new(chart);
     let mut starts: Vec<Vec<[f64; 2]>> = given.map(|uv| uv.to_vec()).into_iter().collect();
     for weights in [Weights::Cotangent, Weights::Uniform] {
         starts.push(circle.solve(chart, weights)?.uv);
@@ -62,10 +62,11 @@ pub(super) fn bijective_starts(
 
 /// The fixed border, and the unknowns.
 struct Circle {
-    uv: Vec<[f64; 2]>,   // of the border, 0 elsewhere
-    unknown: Vec<u32>,   // number among the unknowns, FIXED on the border
-    hubs: Vec<Vec<u32>>, // loops that a vertex is put into
-    inner: usize,        // unknown vertices of the chart; hubs come after them
+    uv: Vec<[f64; 2]>,                             // of the border, 0 elsewhere
+    unknown: Vec<u32>,                             // number among the unknowns, FIXED on the border
+    hubs: Vec<Vec<u32>>,                           // loops that a vertex is put into
+    inner: usize,                                  // unknown vertices of the chart; hubs come after them
+    analysis: Option<(SymPattern, Arc<Symbolic>)>, // of the last system
 }
 
 const FIXED: u32 = u32::MAX;
@@ -98,19 +99,32 @@ impl Circle {
             *to = inner;
             inner += 1;
         }
-        Circle { uv, unknown, hubs: chart.loops.iter().skip(1).cloned().collect(), inner: inner as usize }
+        let hubs = chart.loops.iter().skip(1).cloned().collect();
+        Circle { uv, unknown, hubs, inner: inner as usize, analysis: None }
     }
 
-    fn solve(&self, chart: &Flat<'_>, weights: Weights) -> Result<Start, UnwrapError> {
+    /// Pattern and analysis of a system; the harmonic one and Tutte's share them where no hubs come in.
+    fn analyze(&mut self, n: usize, edges: &[[u32; 2]]) -> Result<(SymPattern, Arc<Symbolic>), SparseError> {
+        match self.analysis.take() {
+            Some(known) if known.0.n() == n => Ok(known),
+            _ => {
+                let pattern = SymPattern::from_edges(n, edges)?;
+                let symbolic = Arc::new(Symbolic::analyze(&pattern, Ordering::Auto)?);
+                Ok((pattern, symbolic))
+            }
+        }
+    }
+
+    fn solve(&mut self, chart: &Flat<'_>, weights: Weights) -> Result<Start, UnwrapError> {
         let refuse = |e: SparseError| UnwrapError(format!("the start of the map cannot be solved for: {e}"));
-        let hubs = if weights == Weights::Uniform { &self.hubs[..] } else { &[] };
+        let hubs = if weights == Weights::Uniform { self.hubs.clone() } else { Vec::new() };
         let n = self.inner + hubs.len();
         let mut uv = self.uv.clone();
         if n > 0 {
-            let edges = self.edges(chart, weights, hubs);
+            let edges = self.edges(chart, weights, &hubs);
             let inner: Vec<[u32; 2]> =
                 edges.iter().filter(|(e, _)| e[0] != FIXED && e[1] != FIXED).map(|(e, _)| *e).collect();
-            let pattern = SymPattern::from_edges(n, &inner).map_err(refuse)?;
+            let (pattern, symbolic) = self.analyze(n, &inner).map_err(refuse)?;
             let mut values = vec![0.0; pattern.nnz()];
             let mut rhs = vec![0.0; 2 * n];
             for ([a, b], w) in &edges {
@@ -131,14 +145,14 @@ impl Circle {
                     values[slot] -= w.weight;
                 }
             }
-            let symbolic = Arc::new(Symbolic::analyze(&pattern, Ordering::Auto).map_err(refuse)?);
-            let mut factor = Cholesky::<f64>::new(symbolic);
+            let mut factor = Cholesky::<f64>::new(symbolic.clone());
             match factor.refactor(&values) {
                 Ok(()) => factor.solve_in_place(&mut rhs, 2, &mut SolveScratch::default()).map_err(refuse)?,
                 // Slivers can cost cotangents their definiteness; then all is left at the middle, and counts as flipped.
                 Err(SparseError::NotPositiveDefinite { .. }) => rhs.fill(0.0),
                 Err(e) => return Err(refuse(e)),
             }
+            self.analysis = Some((pattern, symbolic));
             for (uv, i) in uv.iter_mut().zip(&self.unknown).filter(|(_, i)| **i != FIXED) {
                 *uv = [rhs[2 * *i as usize], rhs[2 * *i as usize + 1]];
             }
