@@ -5,7 +5,7 @@ use proxel::mesh::generate::cloth;
 use proxel::mesh::uv::{Certificate, CertificateOptions, certify};
 use proxel::settings::{UnwrapMethod, UnwrapSettings};
 use proxel::split::Status;
-use proxel::unwrap::{Flat, Hooks, MapRow, UnwrapInput, Unwrapped, Weights, start, unwrap};
+use proxel::unwrap::{Flat, Hooks, MapRow, UnwrapInput, Unwrapped, Unwrapper, Weights, start, unwrap};
 use std::path::PathBuf;
 
 /// The heightfield z = 0.6 sin 2.5 x cos 2 y over [-1, 1]^2.
@@ -162,6 +162,45 @@ fn pins_hold_and_weights_pull() {
             .energy_as_given
     };
     assert!(part(&pulled) < part(&free), "{} {}", part(&pulled), part(&free));
+}
+
+#[test]
+fn an_unwrapper_goes_where_unwrap_goes_and_follows_changes() {
+    let mesh = patch(14);
+    let input = UnwrapInput { mesh: mesh.clone(), ..UnwrapInput::default() };
+    let once = run(&mesh, &settings(UnwrapMethod::Auto));
+    let mut live = Unwrapper::new(input, settings(UnwrapMethod::Auto)).expect("a surface");
+    let mut seen = Vec::new();
+    let end = live.run(&mut |standing| {
+        seen.push(*standing);
+        true
+    });
+    assert_eq!(end, Ok(Status::Converged));
+    assert_eq!(seen.len(), once.report.iterations);
+    assert_eq!(live.map().expect("a map"), once.uv, "the same bits");
+    // A pin moves the map as a whole: it is there at once. Two that pull it apart take a few steps, fewer than anew.
+    let at = |map: &proxel::mesh::uv::UvMap, charts: &proxel::mesh::charts::Charts, v: u32| {
+        map.coordinates[charts.charts[0].vertices.iter().position(|u| *u == v).expect("mapped")]
+    };
+    let (a, b) = (at(&once.uv, &once.charts, 0), at(&once.uv, &once.charts, 14));
+    let apart = [1.1 * (b[0] - a[0]) + a[0], 1.1 * (b[1] - a[1]) + a[1]];
+    live.set_pins(vec![(0, a), (14, apart)]).expect("vertices");
+    let before = live.standing().iteration;
+    assert_eq!(live.run(&mut |_| true), Ok(Status::Converged));
+    let held = live.map().expect("a map");
+    assert_eq!((at(&held, live.charts(), 0), at(&held, live.charts(), 14)), (a, apart));
+    assert!(live.standing().energy > once.report.energy.expect("finite"));
+    assert!(live.standing().iteration - before <= once.report.iterations);
+    // Cancelled by the caller.
+    live.set_pins(Vec::new()).expect("no pins");
+    assert_eq!(live.run(&mut |_| false), Ok(Status::Cancelled));
+    // A seam from border to border makes two charts.
+    let row: Vec<[u32; 2]> = (0..14).map(|k| [7 * 15 + k, 7 * 15 + k + 1]).collect();
+    live.set_seams(row).expect("edges");
+    assert_eq!(live.charts().charts.len(), 2);
+    assert_eq!(live.run(&mut |_| true), Ok(Status::Converged));
+    assert!(live.standing().energy < once.report.energy.expect("finite"));
+    assert!(live.set_seams(vec![[0, 200]]).is_err() && live.charts().charts.len() == 2);
 }
 
 #[test]

@@ -1,12 +1,19 @@
 //! From the maps of charts to one map of the mesh.
 
-use super::chart::{ChartInput, ChartMap};
+use super::chart::ChartMap;
 use super::{MapRow, UnwrapError};
 use crate::settings::UnwrapSettings;
 use proxel_mesh::Mesh;
 use proxel_mesh::charts::Charts;
 use proxel_mesh::uv::UvMap;
 use proxel_mesh::uv::pack::{PackChart, PackError, PackOptions, Placement, pack};
+
+/// The map of a chart, in units of length of the mesh.
+pub(super) struct Laid<'a> {
+    pub uv: &'a [[f64; 2]],
+    pub area: f64,  // of the chart in space
+    pub held: bool, // by pins
+}
 
 /// A map of the mesh.
 pub(super) struct Placed {
@@ -23,20 +30,19 @@ const GAP: f64 = 0.05;
 pub(super) fn place(
     mesh: &Mesh,
     charts: &Charts,
-    maps: &[ChartMap],
-    inputs: &[ChartInput<'_>],
+    maps: &[Laid<'_>],
     settings: &UnwrapSettings,
 ) -> Result<Placed, UnwrapError> {
     let mut warnings = Vec::new();
-    let held = inputs.iter().any(|i| !i.pins.is_empty());
+    let held = maps.iter().any(|map| map.held);
     let mut density = None;
     let placements = if held || !settings.pack {
-        in_a_row(maps, inputs)
+        in_a_row(maps)
     } else {
         let of: Vec<PackChart<'_>> = maps
             .iter()
             .zip(&charts.charts)
-            .map(|(map, chart)| PackChart { uv: &map.uv, triangles: &chart.triangles, rest_area: map.area })
+            .map(|(map, chart)| PackChart { uv: map.uv, triangles: &chart.triangles, rest_area: map.area })
             .collect();
         let options = PackOptions {
             padding: settings.padding,
@@ -52,7 +58,7 @@ pub(super) fn place(
             // A map is never lost to a page that is too small.
             Err(e @ (PackError::NoRoom { .. } | PackError::DensityTooHigh { .. })) => {
                 warnings.push(format!("{}: not packed: {e}; the charts lie in a row, in units of the mesh", mesh.name));
-                in_a_row(maps, inputs)
+                in_a_row(maps)
             }
             Err(e) => return Err(UnwrapError(format!("{}: {e}", mesh.name))),
         }
@@ -63,7 +69,7 @@ pub(super) fn place(
         first.push(uv.coordinates.len() as u32);
         match placement {
             // Not a bit changes where nothing moves: pins stay where they were put.
-            p if *p == STAY => uv.coordinates.extend_from_slice(&map.uv),
+            p if *p == STAY => uv.coordinates.extend_from_slice(map.uv),
             p => uv.coordinates.extend(map.uv.iter().map(|q| p.apply(*q))),
         }
     }
@@ -78,14 +84,14 @@ pub(super) fn place(
 const STAY: Placement = Placement { scale: 1.0, rotation: [1.0, 0.0], offset: [0.0, 0.0] };
 
 /// In the scale that they have, the first where it is, each further one to the right of all before it.
-fn in_a_row(maps: &[ChartMap], inputs: &[ChartInput<'_>]) -> Vec<Placement> {
-    let corners = |map: &ChartMap| {
+fn in_a_row(maps: &[Laid<'_>]) -> Vec<Placement> {
+    let corners = |map: &Laid<'_>| {
         map.uv.iter().fold(([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]), |(lo, hi), p| {
             ([lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])])
         })
     };
     let boxes: Vec<_> = maps.iter().map(corners).collect();
-    let held = |c: usize| !inputs[c].pins.is_empty() || maps.len() == 1;
+    let held = |c: usize| maps[c].held || maps.len() == 1;
     let mut right = (0..maps.len()).filter(|c| held(*c)).map(|c| boxes[c].1[0]).fold(f64::NEG_INFINITY, f64::max);
     let place = |c: usize| {
         if held(c) {

@@ -12,8 +12,8 @@ use proxel_model::elements::{
 use proxel_model::energy::{Energy, Lame, RelaxedSymmetricDirichlet, SymmetricDirichlet};
 use proxel_split::{
     Admm, AdmmSettings, Auto, Cancel, Dial, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method,
-    Newton, NoProgress, Observer, Outcome, Problem, Quadratic, QuasiNewton, Relax, Residuals, Status, StepReport, Stop,
-    SystemError, Term,
+    Newton, NoProgress, Observer, Outcome, Parts, Problem, Quadratic, QuasiNewton, Relax, Residuals, Status,
+    StepReport, Stop, SystemError, Term,
 };
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -98,6 +98,11 @@ pub(super) struct Order {
 }
 
 impl Order {
+    /// Of nothing.
+    pub fn none() -> Self {
+        Order { number: Vec::new(), n_free: 0, between: 0 }
+    }
+
     pub fn new(chart: &Flat<'_>, fixed: &[u32]) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for p in chart.points {
@@ -158,17 +163,19 @@ pub(super) fn middle(uv: &[[f64; 2]]) -> usize {
     (0..uv.len()).min_by(|a, b| distance(&uv[*a]).total_cmp(&distance(&uv[*b]))).unwrap_or(0)
 }
 
-/// Minimises the energy of the map of a chart.
-pub(super) fn solve(
+/// A chart whose method is at its start.
+pub(super) struct Prepared {
+    pub order: Order,
+    pub start: Start,
+    pub method: Option<Box<dyn Method>>, // none where nothing is free
+}
+
+/// Makes the start and puts the method together.
+pub(super) fn prepare(
+    chart: &Flat<'_>,
     input: &ChartInput<'_>,
     settings: &UnwrapSettings,
-    hooks: &mut Hooks<'_>,
-    began: Instant,
-) -> Result<ChartMap, UnwrapError> {
-    let entered = Instant::now();
-    let Some(chart) = &Flat::new(&input.points, &input.chart.triangles, &input.chart.loops) else {
-        return Ok(without_area(input));
-    };
+) -> Result<Prepared, UnwrapError> {
     let start = begin(chart, input)?;
     if start.flips > 0 && !settings.method.takes_flips() {
         return Err(UnwrapError(format!(
@@ -184,10 +191,33 @@ pub(super) fn solve(
     let order = Order::new(chart, &fixed);
     let problem = problem(chart, &order, &start, input, settings)?;
     if problem.n_free == 0 {
-        return Ok(ChartMap { uv: in_units(chart, &start.uv, input), ..held(chart, &start.uv) });
+        return Ok(Prepared { order, start, method: None });
     }
     let relaxed = Relaxed::new(chart, &order, input, settings);
-    let mut method = method(problem, relaxed, settings).map_err(|e| UnwrapError(e.to_string()))?;
+    // A map that was found before is near its minimum: nothing is left for the splitting to do.
+    let is_near = start.weights == Weights::Given && start.flips == 0 && symmetric_dirichlet(chart, &start.uv) < NEAR;
+    let method = method(problem, relaxed, is_near, settings).map_err(|e| UnwrapError(e.to_string()))?;
+    Ok(Prepared { order, start, method: Some(method) })
+}
+
+/// A given map of less energy than this is taken for one that was minimised before.
+const NEAR: f64 = 4.0;
+
+/// Minimises the energy of the map of a chart.
+pub(super) fn solve(
+    input: &ChartInput<'_>,
+    settings: &UnwrapSettings,
+    hooks: &mut Hooks<'_>,
+    began: Instant,
+) -> Result<ChartMap, UnwrapError> {
+    let entered = Instant::now();
+    let Some(chart) = &Flat::new(&input.points, &input.chart.triangles, &input.chart.loops) else {
+        return Ok(without_area(input));
+    };
+    let Prepared { order, start, method } = prepare(chart, input, settings)?;
+    let Some(mut method) = method else {
+        return Ok(ChartMap { uv: in_units(chart, &start.uv, input), ..held(chart, &start.uv) });
+    };
     let mut tolerance = GradientTolerance::new(settings.tol, method.as_mut());
     let reference_gradient = tolerance.reference();
     let mut limit = IterationLimit(settings.max_iters);
@@ -414,6 +444,7 @@ impl Relax for Relaxed {
 fn method(
     problem: Problem,
     relaxed: Option<Relaxed>,
+    is_near: bool,
     settings: &UnwrapSettings,
 ) -> Result<Box<dyn Method>, SystemError> {
     use UnwrapMethod::{Akvf, Auto as AutoName, Bcqn, Cm, Newton as NewtonName, ProjectedNewton, Slim, WrapdCm};
@@ -437,7 +468,13 @@ fn method(
             )?;
             match name {
                 AutoName | WrapdCm => {
-                    let auto = Auto::new(name.as_str().to_string(), admm, settings.auto());
+                    let text = name.as_str().to_string();
+                    let auto = if is_near {
+                        let (problem, normal, x, admm) = admm.into_parts();
+                        Auto::resume(text, Parts { problem, normal, x, admm, hessian: None }, settings.auto(), 0)?
+                    } else {
+                        Auto::new(text, admm, settings.auto())
+                    };
                     Box::new(match relaxed {
                         Some(relaxed) => auto.with_relaxation(Box::new(relaxed)),
                         None => auto,

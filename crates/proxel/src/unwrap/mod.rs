@@ -1,23 +1,27 @@
 //! Maps of surfaces into the plane, of least distortion.
 //!
 //! [`unwrap`] does it in one call: any mesh is cut to charts ([`proxel_mesh::charts`]), each chart is mapped from a
-//! circle to the minimum of its energy, and the charts are packed.
+//! circle to the minimum of its energy, and the charts are packed. An [`Unwrapper`] does it step by step, and goes on from
+//! where it is after its pins or seams were changed.
 
 mod assemble;
 mod bijective;
 mod chart;
 mod flat;
+mod live;
 mod pins;
 mod scaffold;
 mod start;
 mod watch;
 
 pub use flat::Flat;
+pub use live::{Standing, Unwrapper};
 pub use start::{Start, Weights, start};
 pub use watch::{Hooks, MapRow, Progress};
 
 use crate::report::{MapReport, Report, Seconds};
 use crate::settings::UnwrapSettings;
+use assemble::Laid;
 use chart::{ChartInput, ChartMap};
 use proxel_mesh::charts::{ChartOptions, Charts, charts};
 use proxel_mesh::uv::UvMap;
@@ -86,12 +90,32 @@ pub struct Unwrapped {
 pub fn unwrap(input: &UnwrapInput, settings: &UnwrapSettings, hooks: &mut Hooks<'_>) -> Result<Unwrapped, UnwrapError> {
     let began = Instant::now();
     settings.check().map_err(UnwrapError)?;
+    let pool = pool(settings)?;
+    let threads = pool.current_num_threads();
+    pool.install(|| unwrap_here(input, settings, hooks, threads, began))
+}
+
+/// The threads that settings ask for.
+fn pool(settings: &UnwrapSettings) -> Result<rayon::ThreadPool, UnwrapError> {
     let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-    let pool = rayon::ThreadPoolBuilder::new()
+    rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
-        .map_err(|e| UnwrapError(format!("{threads} threads cannot be started: {e}")))?;
-    pool.install(|| unwrap_here(input, settings, hooks, threads, began))
+        .map_err(|e| UnwrapError(format!("{threads} threads cannot be started: {e}")))
+}
+
+/// The charts of a mesh that can be mapped.
+fn cut(input: &UnwrapInput) -> Result<Charts, UnwrapError> {
+    let mesh = &input.mesh;
+    mesh.check_indices()?;
+    if let Some(weights) = &input.weights {
+        pins::check_weights(mesh, weights)?;
+    }
+    let charts = charts(mesh, &ChartOptions { seams: input.seams.clone(), ..ChartOptions::default() })?;
+    if charts.charts.is_empty() {
+        return Err(UnwrapError(format!("{}: no face has any area to be mapped; give a mesh with faces", mesh.name)));
+    }
+    Ok(charts)
 }
 
 fn unwrap_here(
@@ -107,19 +131,16 @@ fn unwrap_here(
             "a map without overlaps begins at a circle, where pins cannot be kept; leave out --bijective or --pin";
         return Err(UnwrapError(format!("{}: {reason}", mesh.name)));
     }
-    mesh.check_indices()?;
-    if let Some(weights) = &input.weights {
-        pins::check_weights(mesh, weights)?;
-    }
-    let options = ChartOptions { seams: input.seams.clone(), ..ChartOptions::default() };
-    let charts = charts(mesh, &options)?;
-    if charts.charts.is_empty() {
-        return Err(UnwrapError(format!("{}: no face has any area to be mapped; give a mesh with faces", mesh.name)));
-    }
+    let charts = cut(input)?;
     let inputs = chart::inputs(input, &charts)?;
     let cutting = began.elapsed().as_secs_f64();
     let maps = solve_all(&inputs, settings, hooks, began)?;
-    let placed = assemble::place(mesh, &charts, &maps, &inputs, settings)?;
+    let laid: Vec<Laid<'_>> = maps
+        .iter()
+        .zip(&inputs)
+        .map(|(map, input)| Laid { uv: &map.uv, area: map.area, held: !input.pins.is_empty() })
+        .collect();
+    let placed = assemble::place(mesh, &charts, &laid, settings)?;
     let rows = assemble::rows(&maps, cutting);
     let (status, reason) = verdict(&maps);
     let total: f64 = maps.iter().map(|m| m.area).sum();
