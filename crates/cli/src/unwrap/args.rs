@@ -15,6 +15,7 @@ use crate::refusal::Refusal;
 Examples:
   proxel unwrap spot.obj --out spot-uv.obj --preview uv.png
   proxel unwrap suit.obj --seams vt --from-uv --out suit-uv.obj       keep its seams, improve its map
+  proxel unwrap horse.obj --bijective --out horse-uv.obj              no overlaps, for light maps and baking
   proxel unwrap face.ply --no-pack --method wrapd --trace t.csv --out face-uv.glb
 
 Faces, vertices and all other attributes stay as they are; texture coordinates are per corner. What the report
@@ -36,6 +37,10 @@ pub struct UnwrapArgs {
     /// How much faces count: a file with a positive number for each face, or for each vertex.
     #[arg(long, value_name = "FILE")]
     pub weights: Option<PathBuf>,
+    /// No two triangles of the map may overlap: where those of the best map do, it is found anew with the empty space
+    /// around it triangulated, so that borders cannot cross. Pins are refused.
+    #[arg(long, conflicts_with = "pin")]
+    pub bijective: bool,
     /// Leave charts in units of length of the mesh instead of packing them into the unit square.
     #[arg(long)]
     pub no_pack: bool,
@@ -88,6 +93,7 @@ impl UnwrapArgs {
         let settings = UnwrapSettings {
             method: UnwrapMethod::from_name(&self.method.method).unwrap_or_default(), // clap lets no other through
             energy: self.method.energy.clone(),
+            bijective: self.bijective,
             pack: !self.no_pack,
             padding: self.padding,
             resolution: self.resolution,

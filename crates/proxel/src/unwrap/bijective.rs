@@ -10,8 +10,8 @@ use crate::settings::UnwrapSettings;
 use proxel_mesh::Mesh;
 use proxel_mesh::uv::{CertificateOptions, UvMap, certify};
 use proxel_split::{
-    Cancel, GradientTolerance, IterationLimit, Method, Newton, NormalMatrix, Observer, Outcome, Status, StepReport,
-    Stop, SystemError, Verdict,
+    Cancel, EnergyReport, GradientTolerance, IterationLimit, Method, Newton, NormalMatrix, Observer, Outcome, Problem,
+    Status, StepReport, Stop, SystemError, Verdict,
 };
 use std::time::{Duration, Instant};
 
@@ -91,7 +91,6 @@ struct Run<'a, 'b> {
     settings: &'a UnwrapSettings,
     order: Order,
     uv: Vec<[f64; 2]>, // without overlaps, in units of the shapes
-    energy: f64,       // of the chart, normalised
     weight: f64,       // of the scaffold
     map: ChartMap,     // the counts so far
 }
@@ -101,7 +100,7 @@ struct Round {
     end: Option<Verdict>, // of the whole run
     is_still: bool,       // whether the gradient has vanished
     threshold: f64,       // below which it has
-    gain: f64,            // part of the chart's energy
+    gain: f64,            // by how much the chart's energy has fallen, as part of it
 }
 
 impl<'a, 'b> Run<'a, 'b> {
@@ -113,8 +112,7 @@ impl<'a, 'b> Run<'a, 'b> {
         uv: Vec<[f64; 2]>,
     ) -> Self {
         let order = Order::new(flat, &[middle(&uv) as u32]);
-        let energy = symmetric_dirichlet(flat, &uv);
-        Run { flat, input, settings, order, uv, energy, weight: WEIGHT, map: free }
+        Run { flat, input, settings, order, uv, weight: WEIGHT, map: free }
     }
 
     fn run(mut self, hooks: &mut Hooks<'_>, began: Instant) -> Result<ChartMap, UnwrapError> {
@@ -155,7 +153,8 @@ impl<'a, 'b> Run<'a, 'b> {
         let scaffold = Scaffold::around(&self.uv, chart.loops)
             .ok_or_else(|| refuse("the border has come so near to itself that no scaffold fits around it"))?;
         let order = self.order.with_between(scaffold.n_free);
-        let problem = augmented(chart, &order, &scaffold, &self.uv, self.input, self.settings, self.weight)?;
+        let mut problem = augmented(chart, &order, &scaffold, &self.uv, self.input, self.settings, self.weight)?;
+        let before = own_energy(&mut problem, &order.solver(&self.uv));
         let reference = self.map.reference_gradient * chart::MODULUS;
         let tolerance = GradientTolerance::against(self.settings.tol, reference, problem.characteristic_gradient());
         let normal = NormalMatrix::new(&problem)?;
@@ -192,12 +191,11 @@ impl<'a, 'b> Run<'a, 'b> {
             return Err(refuse("a step in floating-point arithmetic has turned over a triangle"));
         }
         let mut problem = Box::new(newton).into_problem();
-        if let Some(own) = problem.terms.first_mut() {
-            self.map.outcome.energy = own.energy(&order.solver(&uv), None);
-        }
-        let energy = symmetric_dirichlet(chart, &uv);
-        let gain = (self.energy - energy) / energy;
-        (self.uv, self.energy) = (uv, energy);
+        let after = own_energy(&mut problem, &order.solver(&uv));
+        let size = problem.terms.first().map_or(1.0, |own| chart::MODULUS * own.scale().measure);
+        let gain = (before.value - after.value) / (after.value + size);
+        self.map.outcome.energy = after;
+        self.uv = uv;
         Ok(Round { end, is_still, threshold: tolerance.threshold(), gain })
     }
 
@@ -234,8 +232,14 @@ impl<'a, 'b> Run<'a, 'b> {
         }
         outcome.x = self.order.solver(&self.uv);
         let uv = in_units(self.flat, &self.uv, self.input);
-        Ok(ChartMap { uv, energy: self.energy, energy_z: f64::INFINITY, ..self.map })
+        let energy = symmetric_dirichlet(self.flat, &self.uv);
+        Ok(ChartMap { uv, energy, energy_z: f64::INFINITY, ..self.map })
     }
+}
+
+/// Of the chart alone, which is the first term.
+fn own_energy(problem: &mut Problem, x: &[f64]) -> EnergyReport {
+    problem.terms.first_mut().map(|own| own.energy(x, None)).unwrap_or_default()
 }
 
 fn count(outcome: &mut Outcome, report: &StepReport) {

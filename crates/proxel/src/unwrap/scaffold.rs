@@ -236,3 +236,90 @@ fn mean_edge(uv: &[[f64; 2]], loops: &[Vec<u32>]) -> f64 {
     }
     sum / count.max(1) as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(points: &[[f64; 2]], t: &[u32; 3]) -> f64 {
+        let [p, q, r] = t.map(|v| points[v as usize]);
+        0.5 * ((q[0] - p[0]) * (r[1] - p[1]) - (r[0] - p[0]) * (q[1] - p[1]))
+    }
+
+    fn circle(n: usize, radius: f64, turn: f64) -> Vec<[f64; 2]> {
+        let angle = |k: usize| turn * 2.0 * std::f64::consts::PI * k as f64 / n as f64;
+        (0..n).map(|k| [radius * angle(k).cos(), radius * angle(k).sin()]).collect()
+    }
+
+    #[test]
+    fn map_and_scaffold_cover_the_box_once() {
+        // A ring of inner radius 1 and outer radius 2: polygons of 24 and of 40 corners, the hole clockwise.
+        let uv = [circle(40, 2.0, 1.0), circle(24, 1.0, -1.0)].concat();
+        let loops = [(0..40).collect::<Vec<u32>>(), (40..64).collect()];
+        let scaffold = Scaffold::around(&uv, &loops).expect("a simple border");
+        let points = [&uv[..], &scaffold.points].concat();
+        assert_eq!(flips(&scaffold.triangles, &points), 0);
+        let polygon = |n: f64, r: f64| 0.5 * n * r * r * (2.0 * std::f64::consts::PI / n).sin();
+        let ring = polygon(40.0, 2.0) - polygon(24.0, 1.0);
+        // The longer side of the map is 4, so that the box has sides of 8.
+        let covered: f64 = scaffold.triangles.iter().map(|t| area(&points, t)).sum();
+        assert!((covered - (64.0 - ring)).abs() < 1e-9, "{covered}");
+        let hole: f64 = scaffold
+            .triangles
+            .iter()
+            .filter(|t| t.iter().all(|v| points[*v as usize][0].hypot(points[*v as usize][1]) < 1.5))
+            .map(|t| area(&points, t))
+            .sum();
+        assert!((hole - polygon(24.0, 1.0)).abs() < 1e-9, "{hole}");
+        // Free vertices come before those of the box, and lie within it.
+        assert_eq!(scaffold.points.len() - scaffold.n_free, 4 * SIDE);
+        let largest = |p: &[f64; 2]| p[0].abs().max(p[1].abs());
+        assert!(scaffold.n_free > 0 && scaffold.points[..scaffold.n_free].iter().all(|p| largest(p) < 4.0));
+        assert!(scaffold.points[scaffold.n_free..].iter().all(|p| (largest(p) - 4.0).abs() < 1e-12));
+    }
+
+    #[test]
+    fn borders_that_cross_or_touch_have_none() {
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let loops = [vec![0, 1, 2, 3]];
+        assert!(Scaffold::around(&square, &loops).is_some());
+        let crossed = [square[0], square[2], square[1], square[3]];
+        assert!(Scaffold::around(&crossed, &loops).is_none());
+        let doubled = [square[0], square[1], square[2], square[1]];
+        assert!(Scaffold::around(&doubled, &loops).is_none());
+        // A corner on an edge.
+        let touching = [square[0], square[1], square[2], [0.5, 0.0], square[3]];
+        assert!(Scaffold::around(&touching, &[vec![0, 1, 2, 3, 4]]).is_none());
+    }
+
+    #[test]
+    fn the_gradient_of_a_new_scaffold_is_zero() {
+        // One triangle at rest in a box: nothing pulls.
+        let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.2, 0.9, 0.0]];
+        let (triangles, loops) = ([[0, 1, 2]], [vec![0, 1, 2]]);
+        let chart = Flat::new(&points, &triangles, &loops).expect("an area");
+        let uv: Vec<[f64; 2]> = points.iter().map(|p| [p[0] * chart.scale, p[1] * chart.scale]).collect();
+        let owned = proxel_mesh::charts::Chart {
+            triangles: triangles.to_vec(),
+            faces: vec![0],
+            vertices: vec![0, 1, 2],
+            loops: loops.to_vec(),
+        };
+        let input = ChartInput { chart: &owned, points: points.to_vec(), start: None, pins: Vec::new(), weights: None };
+        let scaffold = Scaffold::around(&uv, &loops).expect("a simple border");
+        let order = Order::new(&chart, &[0]).with_between(scaffold.n_free);
+        let settings = UnwrapSettings::default();
+        let mut problem = augmented(&chart, &order, &scaffold, &uv, &input, &settings, 0.25).expect("a problem");
+        let x = problem.x0.clone();
+        let mut gradient = vec![0.0; 2 * problem.n_free];
+        let report = problem.energy(&x, Some(&mut gradient));
+        assert_eq!((report.inverted, problem.n_free), (0, 2 + scaffold.n_free));
+        assert!(report.value.abs() < 1e-12 && gradient.iter().all(|g| g.abs() < 1e-12), "{report:?}");
+        // Fill times area over all of its triangles: the weight times the chart's area, 1.
+        assert!((problem.terms[1].scale().measure - 0.25).abs() < 1e-12);
+        assert!(!scaffold.is_flipped(&order, &x, &uv));
+        let mut turned = x.clone();
+        turned[2 * order.number[1] as usize] -= 3.0 * chart.scale;
+        assert!(scaffold.is_flipped(&order, &turned, &uv));
+    }
+}
