@@ -204,6 +204,20 @@ fn an_unwrapper_goes_where_unwrap_goes_and_follows_changes() {
 }
 
 #[test]
+fn a_fixed_border_stays_on_the_circle() {
+    let mesh = patch(10);
+    let held = run(&mesh, &UnwrapSettings { fixed_boundary: true, ..settings(UnwrapMethod::Auto) });
+    assert_eq!(held.status, Status::Converged, "{}", held.report.reason);
+    let chart = &held.charts.charts[0];
+    let radius = |v: &u32| held.uv.coordinates[*v as usize][0].hypot(held.uv.coordinates[*v as usize][1]);
+    let first = radius(&chart.loops[0][0]);
+    assert!(chart.loops[0].iter().all(|v| (radius(v) - first).abs() < 1e-12 * first));
+    let c = certificate(&mesh, &held);
+    assert!((std::f64::consts::PI * first * first / c.distortion.rest_area - 1.0).abs() < 1e-12, "the same area");
+    assert!(c.flips == 0 && c.overlaps.triangle_pairs == 0);
+}
+
+#[test]
 fn tutte_stands_in_where_the_harmonic_start_flips() {
     // A needle whose obtuse triangles have negative cotangents beyond what the fan can bear.
     let points =

@@ -41,6 +41,9 @@ pub struct UnwrapArgs {
     /// around it triangulated, so that borders cannot cross. Pins are refused.
     #[arg(long, conflicts_with = "pin")]
     pub bijective: bool,
+    /// Hold the outer border of each chart where it begins: on a circle, or with --from-uv where it is.
+    #[arg(long)]
+    pub fixed_boundary: bool,
     /// Leave charts in units of length of the mesh instead of packing them into the unit square.
     #[arg(long)]
     pub no_pack: bool,
@@ -94,6 +97,7 @@ impl UnwrapArgs {
             method: UnwrapMethod::from_name(&self.method.method).unwrap_or_default(), // clap lets no other through
             energy: self.method.energy.clone(),
             bijective: self.bijective,
+            fixed_boundary: self.fixed_boundary,
             pack: !self.no_pack,
             padding: self.padding,
             resolution: self.resolution,

@@ -211,6 +211,8 @@ pub struct UnwrapSettings {
     pub proximal_cm: f64,
     /// Whether no two triangles of a chart may overlap.
     pub bijective: bool,
+    /// Whether the outer border of each chart stays where it begins: on a circle, or where the given map has it.
+    pub fixed_boundary: bool,
     /// Whether the charts are packed into the unit square.
     pub pack: bool,
     /// Least distance of packed charts, in pixels.
@@ -243,6 +245,7 @@ impl Default for UnwrapSettings {
             proximal: 1e-4,
             proximal_cm: 1.2e-5,
             bijective: false,
+            fixed_boundary: false,
             pack: true,
             padding: 2.0,
             resolution: 1024,

@@ -184,10 +184,15 @@ pub(super) fn prepare(
             settings.method.as_str()
         )));
     }
-    let fixed: Vec<u32> = match &input.pins[..] {
-        [] => vec![middle(&start.uv) as u32],
-        pins => pins.iter().map(|p| p.0).collect(),
-    };
+    let mut fixed: Vec<u32> = input.pins.iter().map(|p| p.0).collect();
+    if settings.fixed_boundary {
+        fixed.extend(input.chart.loops.first().into_iter().flatten());
+        fixed.sort_unstable();
+        fixed.dedup();
+    }
+    if fixed.is_empty() {
+        fixed.push(middle(&start.uv) as u32);
+    }
     let order = Order::new(chart, &fixed);
     let problem = problem(chart, &order, &start, input, settings)?;
     if problem.n_free == 0 {
