@@ -19,7 +19,7 @@ pub const UNWRAP: &str = "unwrap";
 /// Makes, maps, writes.
 pub fn run(args: &DemoArgs) -> Result<u8, Refusal> {
     let began = Instant::now();
-    let settings = UnwrapSettings { threads: args.threads, ..UnwrapSettings::default() };
+    let settings = UnwrapSettings { threads: args.threads, bijective: true, ..UnwrapSettings::default() };
     settings.check().map_err(Refusal::new)?;
     std::fs::create_dir_all(&args.out).map_err(|e| {
         Refusal::new(format!("{}: the folder cannot be made: {e}; give another --out", args.out.display()))
