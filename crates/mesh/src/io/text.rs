@@ -24,7 +24,8 @@ pub(crate) struct Line<'a> {
     rest: &'a [u8],
 }
 
-fn is_space(b: u8) -> bool {
+/// What parts words: all white space of ASCII, the vertical tab too, which `u8::is_ascii_whitespace` leaves out.
+pub(crate) fn is_space(b: u8) -> bool {
     matches!(b, b' ' | b'\t' | b'\r' | b'\n' | 0x0b | 0x0c)
 }
 

@@ -82,6 +82,16 @@ fn every_prefix_is_refused_or_goes_round() {
     }
 }
 
+#[test]
+fn every_white_space_parts_numbers() {
+    for space in ["\x0b", "\x0c", "\t", " \r"] {
+        for seed in 0..5 {
+            round_trip(Format::Ply, PLY.replace("1 1\n0 1", &format!("1 1{space}0 1")).as_bytes(), seed).unwrap();
+            round_trip(Format::Ply, PLY.replace("4 0 1 2 3", &format!("4 0 1{space}2 3")).as_bytes(), seed).unwrap();
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 6000, failure_persistence: None, ..ProptestConfig::default() })]
 

@@ -6,6 +6,7 @@ use super::UvMap;
 use crate::Fields;
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::io::ply::{Body, Element, header, write as write_plain};
+use crate::io::text::is_space;
 use crate::mesh::{Mesh, Polygons};
 
 /// u and v of each corner, one after the other.
@@ -102,7 +103,7 @@ pub(super) fn rewrite(file: &str, data: &[u8], faces: &Polygons, uv: &UvMap, w: 
                     let x = body.number(kind, &p.name).map_err(io::Error::other)?;
                     let end = body.position();
                     let start = match text {
-                        true => data[..end].iter().rposition(u8::is_ascii_whitespace).map_or(0, |i| i + 1),
+                        true => data[..end].iter().rposition(|&b| is_space(b)).map_or(0, |i| i + 1),
                         false => end - kind.size(),
                     };
                     if keep {
