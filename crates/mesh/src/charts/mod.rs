@@ -1,8 +1,8 @@
 //! From any surface mesh to charts that can be mapped to the plane.
 //!
 //! A chart is a connected oriented manifold of genus 0 with a boundary. A mesh that is one is left as it is. What is
-//! none is cut: closed parts along a short tree of edges that reaches their limbs, handles along a short cut graph,
-//! non-orientable parts where directions meet, non-manifold edges between the faces that go on best, and wherever the
+//! none is cut: closed parts, and parts with several boundary loops, along a short tree of edges that reaches their
+//! limbs, handles along a short cut graph, non-orientable parts where directions meet, non-manifold edges between the faces that go on best, and wherever the
 //! user wants. Vertices are doubled along cuts; none is ever moved or merged, and coordinates decide nothing about
 //! what is connected.
 
@@ -18,6 +18,7 @@ mod half_edges;
 mod handles;
 mod limbs;
 mod places;
+mod relief;
 mod select;
 mod split;
 
@@ -25,6 +26,7 @@ mod split;
 mod tests;
 
 pub use check::disk_defect;
+pub use relief::{halving_cut, relief_cut};
 pub use split::{Part, shortest_cut, split};
 
 use edges::Edges;
@@ -40,17 +42,19 @@ use crate::mesh::Mesh;
 pub struct ChartOptions {
     /// Edges of the mesh, as pairs of vertices in any order, along which the surface is cut open.
     pub seams: Vec<[u32; 2]>,
-    /// Closed parts are cut into each limb whose isoperimetric ratio 4 pi A / P^2 (area A beyond a rim of length P)
+    /// Parts that are no disks are cut into each limb whose isoperimetric ratio 4 pi A / P^2 (area A beyond a rim of length P)
     /// passes this. No flat region has more than 1, so that what has more must be stretched; a hemisphere has 2, a
-    /// tube of length L and radius r with a flat end 1 + 2 L / r. Lower means longer seams and less stretch.
+    /// tube of length L and radius r 2 L / r, and 1 more with a flat end. Lower means longer seams and less stretch.
     pub limb_ratio: f64,
+    /// Parts with several boundary loops are cut only if some limb passes this: what could stay as it is, should.
+    pub least_need: f64,
     /// Limbs of less than this part of the area of their surface are not cut.
     pub least_limb: f64,
 }
 
 impl Default for ChartOptions {
     fn default() -> Self {
-        ChartOptions { seams: Vec::new(), limb_ratio: 1.15, least_limb: 0.005 }
+        ChartOptions { seams: Vec::new(), limb_ratio: 1.15, least_need: 2.0, least_limb: 0.005 }
     }
 }
 

@@ -65,19 +65,9 @@ pub fn split(mesh: &Mesh, chart: &Chart, edges: &[[u32; 2]]) -> Result<Vec<Part>
 pub fn shortest_cut(mesh: &Mesh, chart: &Chart, to: &[u32]) -> Result<Vec<[u32; 2]>> {
     let Cells { surface, .. } = cells(mesh, chart)?;
     let n = chart.vertices.len();
+    in_range(mesh, chart, to)?;
     let mut waiting = vec![false; n];
-    for &v in to {
-        match waiting.get_mut(v as usize) {
-            Some(w) => *w = true,
-            None => {
-                return Err(mesh.error(
-                    ErrorKind::IndexOutOfRange,
-                    format!("local vertex {v} is out of range, the chart has {n}"),
-                    "give vertices of the chart",
-                ));
-            }
-        }
-    }
+    to.iter().for_each(|&v| waiting[v as usize] = true);
     let points: Vec<_> = chart.vertices.iter().map(|&v| mesh.points[v as usize]).collect();
     let metric = Metric::new(&points, 0..n as u32);
     let graph = Graph::new(&surface, &surface.vertex, n, &metric);
@@ -98,6 +88,18 @@ pub fn shortest_cut(mesh: &Mesh, chart: &Chart, to: &[u32]) -> Result<Vec<[u32; 
     Ok(cut)
 }
 
+pub(super) fn in_range(mesh: &Mesh, chart: &Chart, vertices: &[u32]) -> Result<()> {
+    let n = chart.vertices.len();
+    match vertices.iter().find(|&&v| v as usize >= n) {
+        None => Ok(()),
+        Some(v) => Err(mesh.error(
+            ErrorKind::IndexOutOfRange,
+            format!("local vertex {v} is out of range, the chart has {n}"),
+            "give vertices of the chart",
+        )),
+    }
+}
+
 impl Charts {
     /// Cuts the chart `index` along `edges` as [`split`] does. The first part takes its number, the others follow the
     /// last chart; places and seams are brought up to date. Returns, for each part, its number and the local vertex
@@ -113,21 +115,42 @@ impl Charts {
                 "give the number of a chart",
             ));
         };
-        let mut out = Vec::new();
-        for (i, part) in split(mesh, chart, edges)?.into_iter().enumerate() {
-            if i == 0 {
-                out.push((index, part.parent));
-                self.charts[index] = part.chart;
-            } else {
-                out.push((self.charts.len(), part.parent));
-                self.charts.push(part.chart);
+        let parts = split(mesh, chart, edges)?;
+        let (charts, parents): (Vec<Chart>, Vec<_>) = parts.into_iter().map(|p| (p.chart, p.parent)).unzip();
+        let numbers = self.replace(mesh, vec![(index, charts)])?;
+        Ok(numbers.into_iter().flatten().zip(parents).collect())
+    }
+
+    /// Puts the parts that [`split`] made of charts in their places: the first of each takes the number of the chart
+    /// that it is of, the others follow the last chart, in this order. Places and seams are brought up to date once.
+    /// Returns the numbers of the parts.
+    ///
+    /// # Errors
+    /// A number that no chart has, or no parts of a chart; then nothing is changed.
+    pub fn replace(&mut self, mesh: &Mesh, parts: Vec<(usize, Vec<Chart>)>) -> Result<Vec<Vec<usize>>> {
+        let bad = |(index, of): &&(usize, Vec<Chart>)| *index >= self.charts.len() || of.is_empty();
+        if let Some((index, of)) = parts.iter().find(bad) {
+            return Err(mesh.error(
+                ErrorKind::IndexOutOfRange,
+                format!("chart {index} of {} cannot become {} parts", self.charts.len(), of.len()),
+                "give the number of a chart, and its parts",
+            ));
+        }
+        let mut numbers = Vec::new();
+        for (index, of) in parts {
+            let rest = self.charts.len()..self.charts.len() + of.len() - 1;
+            numbers.push(std::iter::once(index).chain(rest).collect());
+            let mut of = of.into_iter();
+            if let Some(first) = of.next() {
+                self.charts[index] = first;
             }
+            self.charts.extend(of);
         }
         let roles = select::roles(mesh);
         let (corner, of) = self.corners(mesh);
         self.places = places::of_corners(mesh, &roles, &corner, &of);
         self.seams = places::seams(mesh, &Edges::new(mesh.n_verts(), &mesh.faces), &roles, &self.places);
-        Ok(out)
+        Ok(numbers)
     }
 
     /// The corners of the mesh that are in charts, and their places.
@@ -154,13 +177,13 @@ impl Charts {
 }
 
 /// The faces of a chart as cells over its local vertices.
-struct Cells {
-    surface: HalfEdges,
-    face: Vec<u32>,
-    reversed: Vec<bool>,
+pub(super) struct Cells {
+    pub surface: HalfEdges,
+    pub face: Vec<u32>,
+    pub reversed: Vec<bool>,
 }
 
-fn cells(mesh: &Mesh, chart: &Chart) -> Result<Cells> {
+pub(super) fn cells(mesh: &Mesh, chart: &Chart) -> Result<Cells> {
     let foreign = |what: &str| mesh.error(ErrorKind::Malformed, what, "give a chart of this mesh as it was returned");
     if let Some(defect) = chart.defect() {
         return Err(foreign(&format!("this is no chart: {defect}")));

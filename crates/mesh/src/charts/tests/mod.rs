@@ -1,10 +1,12 @@
 //! Charts of shapes with every defect, held against a check that knows nothing of half-edges.
 
 mod bad_inputs;
+mod relief;
 mod shapes;
 mod soups;
 mod splits;
 mod topology;
+mod tubes;
 mod twin;
 
 use super::*;

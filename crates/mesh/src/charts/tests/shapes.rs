@@ -44,6 +44,16 @@ pub fn grid(m: usize, n: usize, wrap: [bool; 2], twist: bool, quads: bool) -> Me
     Mesh { name: "grid".into(), points, faces, ..Mesh::default() }
 }
 
+/// A flat ring of m x n quads.
+pub fn annulus(m: usize, n: usize, quads: bool) -> Mesh {
+    let mut out = grid(m, n, [true, false], false, quads);
+    for (k, p) in out.points.iter_mut().enumerate() {
+        let (angle, r) = (TAU * (k / (n + 1)) as f64 / m as f64, 1.0 + (k % (n + 1)) as f64 / n as f64);
+        *p = [r * angle.cos(), r * angle.sin(), 0.0];
+    }
+    out
+}
+
 pub fn tetrahedron() -> Mesh {
     let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     mesh(points, &[[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])

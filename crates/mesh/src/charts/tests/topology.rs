@@ -10,7 +10,7 @@ fn single(out: &Charts) -> (usize, usize, usize) {
 }
 
 #[test]
-fn open_surfaces_of_genus_0_are_never_cut() {
+fn disks_and_flat_rings_are_not_cut() {
     let disk = crate::generate::cloth([7, 5], [1.0, 1.0]).unwrap();
     assert_eq!(single(&charted(&disk)), (48, 1, 0));
     assert_eq!(charted(&disk).charts[0].triangles, disk.faces.as_triangles().unwrap());
@@ -19,7 +19,7 @@ fn open_surfaces_of_genus_0_are_never_cut() {
     let out = charted(&triangle);
     assert_eq!((single(&out), &out.charts[0].loops), ((3, 1, 0), &vec![vec![0, 1, 2]]));
     for quads in [false, true] {
-        let annulus = grid(12, 3, [true, false], false, quads);
+        let annulus = annulus(12, 3, quads);
         assert_eq!(single(&charted(&annulus)), (48, 2, 0));
         assert!(disk_defect(&annulus).unwrap().contains("2 loops"));
     }
@@ -187,8 +187,7 @@ fn quads_that_share_two_edges_are_parted() {
 
 #[test]
 fn components_are_charts_of_their_own() {
-    let parts: Vec<Mesh> =
-        (0..44).map(|i| if i % 2 == 0 { cube(2) } else { grid(5, 2, [true, false], false, true) }).collect();
+    let parts: Vec<Mesh> = (0..44).map(|i| if i % 2 == 0 { cube(2) } else { annulus(5, 2, true) }).collect();
     let out = charted(&together(&parts));
     assert_eq!(loops(&out), (0..44).map(|i| 1 + i % 2).collect::<Vec<_>>());
 }
