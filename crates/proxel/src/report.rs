@@ -95,6 +95,8 @@ pub struct MapReport {
     pub boundary_crossings: u64,
     /// Charts.
     pub charts: usize,
+    /// Cuts that were made to keep the bound on stretch.
+    pub stretch_cuts: usize,
     /// Length on the surface of the edges along which the map is cut, over the diagonal of the bounding box.
     pub seam_length: f64,
     /// Part of the page that is covered: the unit square, or the square around a map that is not packed.

@@ -31,6 +31,10 @@ pub struct UnwrapArgs {
     /// Begin with the texture coordinates of the file.
     #[arg(long)]
     pub from_uv: bool,
+    /// Most stretch of a triangle, above 1: max(s1, 1/s2) of its map, relative to lengths of the mesh. Charts with more
+    /// are cut further.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub max_stretch: Option<f64>,
     /// Vertices that are held: a file with vertex (0-based), u and v a line, in units of length of the mesh.
     #[arg(long, value_name = "FILE")]
     pub pin: Option<PathBuf>,
@@ -98,6 +102,7 @@ impl UnwrapArgs {
             energy: self.method.energy.clone(),
             bijective: self.bijective,
             fixed_boundary: self.fixed_boundary,
+            max_stretch: self.max_stretch,
             pack: !self.no_pack,
             padding: self.padding,
             resolution: self.resolution,

@@ -213,6 +213,8 @@ pub struct UnwrapSettings {
     pub bijective: bool,
     /// Whether the outer border of each chart stays where it begins: on a circle, or where the given map has it.
     pub fixed_boundary: bool,
+    /// Most stretch max(s1, 1 / s2) of a triangle, at the scale of least energy: charts with more are cut further.
+    pub max_stretch: Option<f64>,
     /// Whether the charts are packed into the unit square.
     pub pack: bool,
     /// Least distance of packed charts, in pixels.
@@ -246,6 +248,7 @@ impl Default for UnwrapSettings {
             proximal_cm: 1.2e-5,
             bijective: false,
             fixed_boundary: false,
+            max_stretch: None,
             pack: true,
             padding: 2.0,
             resolution: 1024,
@@ -322,6 +325,16 @@ impl UnwrapSettings {
             if !(v >= least && v.is_finite()) {
                 return Err(format!("{name} is {v}; it must be at least {least}"));
             }
+        }
+        if let Some(bound) = self.max_stretch.filter(|b| !(*b > 1.0 && b.is_finite())) {
+            return Err(format!("max_stretch (--max-stretch) is {bound}; it must be above 1, no stretch at all"));
+        }
+        if self.max_stretch.is_some() && self.fixed_boundary {
+            return Err(
+                "max_stretch is kept by cuts, which a fixed boundary does not let open; leave out --max-stretch or \
+                        --fixed-boundary"
+                    .to_string(),
+            );
         }
         if let Some(density) = self.density {
             positive("density (--density)", density)?;

@@ -72,6 +72,7 @@ pub(super) fn inputs<'a>(input: &UnwrapInput, charts: &'a Charts) -> Result<Vec<
 }
 
 /// The map of a chart.
+#[derive(Clone)]
 pub(super) struct ChartMap {
     pub uv: Vec<[f64; 2]>, // in the user's units
     pub outcome: Outcome,

@@ -12,6 +12,7 @@ mod live;
 mod pins;
 mod scaffold;
 mod start;
+mod stretch;
 mod watch;
 
 pub use flat::Flat;
@@ -131,10 +132,16 @@ fn unwrap_here(
             "a map without overlaps begins at a circle, where pins cannot be kept; leave out --bijective or --pin";
         return Err(UnwrapError(format!("{}: {reason}", mesh.name)));
     }
-    let charts = cut(input)?;
+    let mut charts = cut(input)?;
     let inputs = chart::inputs(input, &charts)?;
     let cutting = began.elapsed().as_secs_f64();
-    let maps = solve_all(&inputs, settings, hooks, began)?;
+    let mut maps = solve_all(&inputs, settings, hooks, began)?;
+    drop(inputs);
+    let bounded = match settings.max_stretch {
+        Some(bound) => stretch::bound(bound, input, &mut charts, &mut maps, settings, hooks, began)?,
+        None => stretch::Bounded::default(),
+    };
+    let inputs = chart::inputs(input, &charts)?;
     let laid: Vec<Laid<'_>> = maps
         .iter()
         .zip(&inputs)
@@ -152,6 +159,7 @@ fn unwrap_here(
     let residual = |of: &dyn Fn(&ChartMap) -> f64| finite(maps.iter().map(of).fold(0.0, f64::max));
     let mut warnings = charts.warnings.clone();
     warnings.extend(placed.warnings);
+    warnings.extend(bounded.warnings);
     let mut repaired = charts.repairs.clone();
     let degenerate = sum(&|m| m.degenerate);
     if degenerate > 0 {
@@ -189,6 +197,7 @@ fn unwrap_here(
             reversed_faces: charts.reversed_faces.len(),
             energy_z: finite(energy_z),
             density: placed.density,
+            stretch_cuts: bounded.cuts,
             ..MapReport::default()
         }),
         ..Report::default()
