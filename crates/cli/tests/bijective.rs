@@ -5,8 +5,8 @@ use common::Folder;
 use std::fmt::Write as _;
 
 /// One turn and a quarter around a pillar, as `ramp.obj`.
-fn ramp() -> Folder {
-    let folder = Folder::new("bijective");
+fn ramp(name: &str) -> Folder {
+    let folder = Folder::new(name);
     let (along, mut text) = (50, String::new());
     for i in 0..=along {
         let angle = 0.05 * std::f64::consts::PI * f64::from(i);
@@ -23,7 +23,7 @@ fn ramp() -> Folder {
 
 #[test]
 fn the_file_has_no_overlaps_and_the_report_says_so() {
-    let folder = ramp();
+    let folder = ramp("bijective");
     let report = || -> serde_json::Value { serde_json::from_str(&folder.read("r.json")).unwrap() };
     folder.run("unwrap ramp.obj --out free.obj --report r.json").is(0);
     let free = report();
@@ -39,7 +39,7 @@ fn the_file_has_no_overlaps_and_the_report_says_so() {
 
 #[test]
 fn pins_are_refused() {
-    let folder = ramp();
+    let folder = ramp("bijective-pins");
     folder.put("pins.txt", "0 0 0\n");
     let run = folder.run("unwrap ramp.obj --bijective --pin pins.txt --out map.obj");
     run.is(2);
