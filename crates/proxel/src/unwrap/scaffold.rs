@@ -99,7 +99,7 @@ impl Scaffold {
         }
         let mut triangles = Vec::new();
         while let Some(face) = open.pop() {
-            let Some(face) = face.as_inner() else { return None };
+            let face = face.as_inner()?;
             if std::mem::replace(&mut seen[face.fix().index()], true) {
                 continue;
             }
