@@ -220,8 +220,10 @@ impl Job<'_> {
     }
 }
 
-/// Puts what was found in the file into the report; a map with flips has not converged, whatever the run says.
+/// Puts what was found in the file into the report; a map with flips has not converged, whatever the run says, nor has one
+/// with overlaps where there were to be none.
 fn certified(result: &mut Unwrapped, c: &Certificate, mesh: &Mesh) {
+    let bijective = result.report.settings["bijective"] == true;
     let d = &c.distortion;
     let before = result.report.map.take().unwrap_or_default();
     result.report.inverted = Some((c.flips + c.zero_area) as u64);
@@ -253,13 +255,18 @@ fn certified(result: &mut Unwrapped, c: &Certificate, mesh: &Mesh) {
             c.overlaps.faces.first().map_or(0, |f| f[1])
         ));
     }
-    if c.flips + c.zero_area > 0 && result.status == Status::Converged {
+    let wrong = if c.flips + c.zero_area > 0 {
+        Some(format!("{} triangles are flipped and {} have no area", c.flips, c.zero_area))
+    } else if bijective && !c.overlaps.is_injective() {
+        let (pairs, crossings) = (c.overlaps.triangle_pairs, c.overlaps.boundary_crossings);
+        Some(format!("{pairs} pairs of triangles overlap and {crossings} pairs of border edges cross (--bijective)"))
+    } else {
+        None
+    };
+    if let (Some(wrong), Status::Converged) = (wrong, result.status) {
         result.status = Status::Stopped;
         result.report.status = Status::Stopped.as_str().to_string();
-        result.report.reason = format!(
-            "{}: {} triangles are flipped and {} have no area in the map as written; {}",
-            mesh.name, c.flips, c.zero_area, result.report.reason
-        );
+        result.report.reason = format!("{}: {wrong} in the map as written; {}", mesh.name, result.report.reason);
     }
 }
 

@@ -6,12 +6,12 @@ use super::scaffold::{Scaffold, augmented};
 use super::start::bijective_starts;
 use super::watch::TimeLimit;
 use super::{Hooks, UnwrapError};
-use crate::settings::UnwrapSettings;
+use crate::settings::{UnwrapMethod, UnwrapSettings};
 use proxel_mesh::Mesh;
 use proxel_mesh::uv::{CertificateOptions, UvMap, certify};
 use proxel_split::{
-    Cancel, EnergyReport, GradientTolerance, IterationLimit, Method, Newton, NormalMatrix, Observer, Outcome, Problem,
-    Status, StepReport, Stop, SystemError, Verdict,
+    Cancel, EnergyReport, GradientTolerance, IterationLimit, Method, Newton, NewtonSettings, NormalMatrix, Observer,
+    Outcome, Problem, Status, StepReport, Stop, SystemError, Verdict,
 };
 use std::time::{Duration, Instant};
 
@@ -29,6 +29,10 @@ const STEPS: usize = 3;
 
 /// Where a new scaffold lowers the energy by less than this part, the next one is the last, unless it lowers it by more.
 const SETTLED: f64 = 1e-5;
+
+/// While one lowers it by more than this part, steps are those of SLIM (Rabinovich et al. 2017), which far from the minimum
+/// get on faster than Newton's.
+const FAR: f64 = 0.1;
 
 /// Most steps with the last one.
 const LAST: usize = 30;
@@ -92,6 +96,7 @@ struct Run<'a, 'b> {
     order: Order,
     uv: Vec<[f64; 2]>, // without overlaps, in units of the shapes
     weight: f64,       // of the scaffold
+    is_far: bool,      // from the minimum
     map: ChartMap,     // the counts so far
 }
 
@@ -112,7 +117,7 @@ impl<'a, 'b> Run<'a, 'b> {
         uv: Vec<[f64; 2]>,
     ) -> Self {
         let order = Order::new(flat, &[middle(&uv) as u32]);
-        Run { flat, input, settings, order, uv, weight: WEIGHT, map: free }
+        Run { flat, input, settings, order, uv, weight: WEIGHT, is_far: true, map: free }
     }
 
     fn run(mut self, hooks: &mut Hooks<'_>, began: Instant) -> Result<ChartMap, UnwrapError> {
@@ -135,6 +140,7 @@ impl<'a, 'b> Run<'a, 'b> {
                 break self.verdict(&round);
             }
             settled = small;
+            self.is_far = round.gain > FAR;
             self.weight = (LIGHTER * self.weight).max(LEAST);
         };
         self.finish(verdict)
@@ -159,7 +165,7 @@ impl<'a, 'b> Run<'a, 'b> {
         let tolerance = GradientTolerance::against(self.settings.tol, reference, problem.characteristic_gradient());
         let normal = NormalMatrix::new(&problem)?;
         let (x, iteration) = (problem.x0.clone(), self.map.outcome.iterations);
-        let mut newton = Newton::resume(problem, normal, x, self.settings.newton(), iteration)?;
+        let mut newton = Newton::resume(problem, normal, x, self.steps(), iteration)?;
         let mut watcher = Watcher { chart, order: &order, hooks, began: clock.0, watching: clock.1, rows: Vec::new() };
         let mut cancel = Cancel(watcher.hooks.cancel.clone());
         let mut time = TimeLimit::new(began, self.settings.time_limit);
@@ -197,6 +203,12 @@ impl<'a, 'b> Run<'a, 'b> {
         self.map.outcome.energy = after;
         self.uv = uv;
         Ok(Round { end, is_still, threshold: tolerance.threshold(), gain })
+    }
+
+    /// The same for every method that found the free map.
+    fn steps(&self) -> NewtonSettings {
+        let method = if self.is_far { UnwrapMethod::Slim } else { UnwrapMethod::Auto };
+        UnwrapSettings { method, ..self.settings.clone() }.newton()
     }
 
     /// After the last scaffold.
