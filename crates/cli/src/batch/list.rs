@@ -78,7 +78,9 @@ fn folder(root: &Path, out: &Path) -> Result<Vec<Item>, Refusal> {
         Refusal::new(text)
     };
     let root = std::path::absolute(root).map_err(|e| refuse(root, e))?;
-    let mut visited: BTreeSet<PathBuf> = out.canonicalize().into_iter().collect();
+    // Maps in it are no meshes to be mapped; where it is the folder itself `check_outputs` says what is wrong.
+    let is_inner = |out: &PathBuf| root.canonicalize().is_ok_and(|root| root != *out);
+    let mut visited: BTreeSet<PathBuf> = out.canonicalize().into_iter().filter(is_inner).collect();
     let mut waiting = vec![PathBuf::new()];
     let mut names = Vec::new();
     while let Some(inner) = waiting.pop() {

@@ -1,7 +1,7 @@
 //! Keeps as many children busy as it may, and writes down how each ended.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
 
@@ -107,7 +107,7 @@ impl Plan<'_> {
     }
 
     /// Whether a mesh has ended in a way that stands: same content, same options, and its map still there.
-    fn is_done(&self, old: &Record, new: &Record, target: &PathBuf) -> bool {
+    fn is_done(&self, old: &Record, new: &Record, target: &Path) -> bool {
         let same = old.input_sha256 == new.input_sha256 && old.options_sha256 == new.options_sha256;
         let stands = match old.status {
             End::Converged => true,

@@ -14,7 +14,7 @@ use crate::refusal::Refusal;
 #[command(after_help = "\
 Examples:
   proxel unwrap spot.obj --out spot-uv.obj --preview uv.png
-  proxel unwrap suit.obj --seams vt --from-uv --out suit-uv.obj       keep its seams, improve its map
+  proxel unwrap suit.obj --from-uv --out suit-uv.obj                  keep its seams, improve its map
   proxel unwrap horse.obj --bijective --out horse-uv.obj              no overlaps, for light maps and baking
   proxel unwrap face.ply --no-pack --method wrapd --trace t.csv --out face-uv.glb
 
@@ -28,7 +28,7 @@ pub struct UnwrapArgs {
     /// two vertices (0-based) of an edge a line.
     #[arg(long, value_name = "auto|vt|FILE", default_value = "auto")]
     pub seams: String,
-    /// Begin with the texture coordinates of the file.
+    /// Begin with the texture coordinates of the file. They are the seams too, unless --seams names a file.
     #[arg(long)]
     pub from_uv: bool,
     /// Most stretch of a triangle, above 1: max(s1, 1/s2) of its map, relative to lengths of the mesh. Charts with more

@@ -93,8 +93,8 @@ fn read(args: &UnwrapArgs, path: &Path) -> Result<UnwrapInput, Refusal> {
         })
     };
     let seams = match args.seams.as_str() {
-        "auto" => Vec::new(),
-        "vt" => seams_of(&mesh, &given()?)?,
+        "auto" if !args.from_uv => Vec::new(),
+        "auto" | "vt" => seams_of(&mesh, &given()?)?,
         file => lists::seams(&PathBuf::from(file), &mesh)?,
     };
     let start = if args.from_uv { Some(given()?) } else { None };

@@ -160,31 +160,38 @@ impl Mapped {
         extent(0).max(extent(1))
     }
 
-    /// Of each triangle: area on the surface, and the energy (s1^2 + s2^2 + s1^-2 + s2^-2) / 4 of its map by
-    /// |F|^2 = s1^2 + s2^2 and det F = s1 s2; infinite where it is turned over or has no area.
+    /// Of each triangle: area on the surface, and the energy (s1^2 + s2^2 + s1^-2 + s2^-2) / 4 of its map; infinite
+    /// where it is turned over or has no area.
     pub fn energies(&self) -> Vec<(f64, f64)> {
-        let of = |face: &Vec<(usize, usize)>| {
-            let [p, q, r] = [0, 1, 2].map(|k| self.points[face[k].0]);
-            let [a, b, c] = [0, 1, 2].map(|k| self.uv[face[k].1]);
-            let (d, e) = ([0, 1, 2].map(|k| q[k] - p[k]), [0, 1, 2].map(|k| r[k] - p[k]));
-            let dot = |x: [f64; 3], y: [f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
-            let length = dot(d, d).sqrt();
-            let (x, y) = (dot(d, e) / length, (dot(e, e) - dot(d, e).powi(2) / dot(d, d)).sqrt());
-            let (u, v) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-            // F maps (length, 0) to u and (x, y) to v.
-            let f0 = [u[0] / length, u[1] / length];
-            let f1 = [(v[0] - x * f0[0]) / y, (v[1] - x * f0[1]) / y];
-            let square = f0[0] * f0[0] + f0[1] * f0[1] + f1[0] * f1[0] + f1[1] * f1[1];
-            let det = f0[0] * f1[1] - f0[1] * f1[0];
-            let energy = if det > 0.0 { 0.25 * square * (1.0 + 1.0 / (det * det)) } else { f64::INFINITY };
-            (0.5 * length * y, energy)
-        };
-        self.faces.iter().map(of).collect()
+        let sum = |(area, [stretch, inverse]): (f64, [f64; 2])| (area, stretch + inverse);
+        self.faces.iter().map(|f| sum(self.parts(f))).collect()
     }
 
-    /// The mean of the energies by area.
+    /// Of a triangle: area on the surface, (s1^2 + s2^2) / 4 and (s1^-2 + s2^-2) / 4, by |F|^2 = s1^2 + s2^2 and
+    /// det F = s1 s2.
+    fn parts(&self, face: &[(usize, usize)]) -> (f64, [f64; 2]) {
+        let [p, q, r] = [0, 1, 2].map(|k| self.points[face[k].0]);
+        let [a, b, c] = [0, 1, 2].map(|k| self.uv[face[k].1]);
+        let (d, e) = ([0, 1, 2].map(|k| q[k] - p[k]), [0, 1, 2].map(|k| r[k] - p[k]));
+        let dot = |x: [f64; 3], y: [f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+        let length = dot(d, d).sqrt();
+        let (x, y) = (dot(d, e) / length, (dot(e, e) - dot(d, e).powi(2) / dot(d, d)).sqrt());
+        let (u, v) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+        // F maps (length, 0) to u and (x, y) to v.
+        let f0 = [u[0] / length, u[1] / length];
+        let f1 = [(v[0] - x * f0[0]) / y, (v[1] - x * f0[1]) / y];
+        let square = f0[0] * f0[0] + f0[1] * f0[1] + f1[0] * f1[0] + f1[1] * f1[1];
+        let det = f0[0] * f1[1] - f0[1] * f1[0];
+        let inverse = if det > 0.0 { 0.25 * square / (det * det) } else { f64::INFINITY };
+        (0.5 * length * y, [0.25 * square, inverse])
+    }
+
+    /// The mean of the energies by area, in the scale where it is least: E(s) = a s^2 + b s^-2 there is 2 sqrt(a b).
     pub fn energy(&self) -> f64 {
-        let (sum, area) = self.energies().iter().fold((0.0, 0.0), |(s, t), (a, e)| (s + a * e, t + a));
-        sum / area
+        let mut sums = [0.0; 3];
+        for (area, [stretch, inverse]) in self.faces.iter().map(|f| self.parts(f)) {
+            sums = [sums[0] + area, sums[1] + area * stretch, sums[2] + area * inverse];
+        }
+        2.0 * (sums[1] * sums[2]).sqrt() / sums[0]
     }
 }

@@ -345,6 +345,12 @@ impl UnwrapSettings {
                 self.padding, self.resolution
             ));
         }
+        if let Some(t) = self.time_limit.filter(|t| *t < 0.0 || t.is_nan()) {
+            return Err(format!("time_limit is {t}; it must be a number of seconds"));
+        }
+        if self.threads == Some(0) {
+            return Err("threads is 0; give at least 1, or leave it out for all processors".to_string());
+        }
         if self.admm.max_inner == 0 {
             return Err("admm.max_inner is 0; a global step needs at least one inner step".to_string());
         }
