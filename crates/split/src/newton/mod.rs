@@ -30,7 +30,7 @@ pub enum ProjectionRule {
     OnDemand {
         /// Most iterations before the true one is tried again.
         back_off: usize,
-        /// Whether, after full steps, a mean of the true and the clamped one is taken instead of the clamped one, with as
+        /// Whether, after six long steps with the clamped one in a row, a mean of the true and the clamped one is taken instead of the clamped one, with as
         /// much of the true one as leaves it positive definite: where stretches are far apart the clamped one is so much
         /// too stiff that its steps hardly move.
         blended: bool,
@@ -87,6 +87,7 @@ pub struct Newton {
     wait: usize,        // iterations before the true Hessian is tried again
     back_off: usize,    // how long the last wait was
     blend: f64,         // part of the clamped Hessian in the last mean
+    clamped: usize,     // long steps in a row that were not with the true one
     last: Found,        // of the last step
     last_gradient: f64, // norm before the last step
     iteration: usize,
@@ -154,6 +155,7 @@ impl Newton {
             wait: 0,
             back_off: 0,
             blend: 1.0,
+            clamped: 0,
             last: Found { t: 1.0, ratio: 1.0, ..Found::default() },
             last_gradient: f64::INFINITY,
             iteration,
@@ -221,6 +223,8 @@ impl Newton {
         let fall = self.fall();
         let tolerance = (0.1 * fall * fall).clamp(1e-6, 1e-2);
         let is_tried = self.is_old_factor_good();
+        let clamped = std::mem::take(&mut self.clamped);
+        let clamped = if self.last.t < LONG { 0 } else { clamped };
         if is_tried {
             self.assemble(Projection::None)?;
             let report = self.preconditioned(tolerance, WITH_OLD_FACTOR)?;
@@ -230,9 +234,10 @@ impl Newton {
         }
         for projection in self.projections().into_iter().flatten() {
             if projection == Projection::Clamp
-                && self.is_blended()
+                && self.is_blended(clamped)
                 && let Some(report) = self.by_blend(tolerance)?
             {
+                self.clamped = clamped + 1;
                 return Ok(report);
             }
             if !(is_tried && projection == Projection::None) {
@@ -245,6 +250,8 @@ impl Newton {
             }
             if projection == Projection::None {
                 self.back_off = 0;
+            } else {
+                self.clamped = clamped + 1;
             }
             let report = self.preconditioned(tolerance, CORRECTIONS)?;
             if report.end == CgEnd::NegativeCurvature {
@@ -264,9 +271,8 @@ impl Newton {
         self.by_gradients()
     }
 
-    fn is_blended(&self) -> bool {
-        let asked = matches!(self.settings.projection, ProjectionRule::OnDemand { blended: true, .. });
-        asked && self.last.energy.is_some() && self.last.t == 1.0
+    fn is_blended(&self, clamped: usize) -> bool {
+        clamped >= CRAWL && matches!(self.settings.projection, ProjectionRule::OnDemand { blended: true, .. })
     }
 
     /// With the mean of the true and the clamped Hessian; none where that takes more of the clamped one than it is worth.
@@ -383,6 +389,13 @@ const WITH_LIFTED_FACTOR: usize = 30;
 
 /// Parts of the diagonal that are added to it where f32 makes the matrix indefinite.
 const LIFTS: [f64; 4] = [1e-6, 1e-5, 1e-4, 1e-3];
+
+/// Steps with the clamped Hessian that show that it is too stiff, if they were long and yet did not lead to where the true one
+/// is positive definite;
+const CRAWL: usize = 6;
+
+/// long: at least this part of the whole.
+const LONG: f64 = 0.5;
 
 /// From one iteration to the next the part of the clamped Hessian in a blend is tried at this part of what it was,
 const LESS: f64 = 0.5;
