@@ -9,7 +9,9 @@
 //! Real meshes are looked for in the folder that `PROXEL_DATA` names ([`data`]); what was found is said in every result.
 
 pub mod data;
+pub mod disks;
 mod error;
+pub mod maps;
 pub mod metric;
 pub mod parts;
 pub mod plot;

@@ -1,5 +1,7 @@
 //! Figures published for, or measured with, other programs, to stand beside ours.
 
+pub mod maps;
+
 /// Iterations and seconds to a normalised position error of 1e-4.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {

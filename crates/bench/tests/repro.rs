@@ -125,3 +125,84 @@ fn figure8_compares_two_methods_on_cloth_with_limits() {
     }
     assert!(read(&out, "wrapd-figure8.svg").contains("position error"));
 }
+
+fn of_cap(name: &str) -> (PathBuf, String, String) {
+    let out = folder(name);
+    let options = Options { out: out.clone(), quick: true, models: vec!["cap".into()], ..Options::default() };
+    run(name, &options, &mut |_| ()).unwrap_or_else(|e| panic!("{name}: {e}"));
+    let (csv, text) = (read(&out, &format!("{name}.csv")), read(&out, &format!("{name}.md")));
+    (out, csv, text)
+}
+
+#[test]
+fn table2_of_a_generated_cap_lists_every_method_and_phase() {
+    let (_, csv, text) = of_cap("wrapd-table2");
+    assert_eq!(csv.lines().count(), 1 + 12 * 3, "{csv}");
+    let of = |method: &str, level: &str| iterations(&csv, "cap", method, level);
+    for method in ["auto", "wrapd", "wrapd+cm", "cm", "slim", "akvf", "bcqn", "projected-newton", "newton"] {
+        let (early, late) = (of(method, "early"), of(method, "late"));
+        assert!(early.is_some() && early <= late, "{method}: {early:?}, {late:?}");
+    }
+    assert!(of("auto", "late") <= of("slim", "late") && of("auto", "late") <= Some(20), "{csv}");
+    assert!(text.contains("a generated cap of a sphere") && !text.contains("do not agree"), "{text}");
+    assert!(text.contains("`auto` against the fastest other method"), "{text}");
+}
+
+#[test]
+fn table3_of_a_generated_cap_subdivides_it() {
+    let (out, csv, text) = of_cap("wrapd-table3");
+    for problem in ["cap of 1536 triangles", "cap of 6144 triangles"] {
+        for method in ["auto", "wrapd", "wrapd+cm", "cm"] {
+            assert!(iterations(&csv, problem, method, "early").is_some(), "{problem}: {method}: {csv}");
+        }
+    }
+    assert!(text.contains("auto n^") && text.contains("| 6376 |"), "{text}");
+    assert!(read(&out, "wrapd-table3.svg").contains("triangles"));
+}
+
+#[test]
+fn figures_of_a_generated_cap_have_plots_and_pictures() {
+    for (name, rows) in [("wrapd-figure3", 2), ("wrapd-figure5", 4), ("wrapd-figure11", 7)] {
+        let (out, csv, text) = of_cap(name);
+        assert_eq!(csv.lines().count(), 1 + 3 * rows, "{name}: {csv}");
+        let plot = read(&out, &format!("{name}-cap.svg"));
+        assert!(plot.contains("energy error"), "{name}");
+        if name == "wrapd-figure3" {
+            assert!(plot.contains("inner steps"), "{name}");
+            continue;
+        }
+        for what in ["map", "surface"] {
+            let file = format!("{name}-cap-{what}.png");
+            assert!(text.contains(&file), "{text}");
+            assert!(std::fs::read(out.join(&file)).expect("a picture").starts_with(b"\x89PNG"), "{file}");
+        }
+    }
+}
+
+#[test]
+fn random_disks_end_flip_free_and_converged() {
+    let out = folder("unwrap-robustness");
+    let options = Options { out: out.clone(), quick: true, count: Some(20), ..Options::default() };
+    run("unwrap-robustness", &options, &mut |_| ()).expect("robustness");
+    let text = read(&out, "unwrap-robustness.md");
+    assert!(text.contains("20 of 20 disks"), "{text}");
+    let csv = read(&out, "unwrap-robustness.csv");
+    assert_eq!(csv.lines().filter(|l| l.contains(",auto,flip-free and converged,") && !l.ends_with(",,")).count(), 20);
+}
+
+#[test]
+fn figure9_counts_surfaces_by_their_time_a_vertex() {
+    let out = folder("wrapd-figure9");
+    let options = Options {
+        out: out.clone(),
+        quick: true,
+        models: vec!["cap".into()],
+        count: Some(3),
+        max_iters: Some(60),
+        ..Options::default()
+    };
+    run("wrapd-figure9", &options, &mut |_| ()).expect("figure 9");
+    let text = read(&out, "wrapd-figure9.md");
+    assert!(text.contains("4 surfaces") && text.contains("| auto |"), "{text}");
+    assert!(read(&out, "wrapd-figure9.svg").contains("seconds a vertex"));
+}

@@ -490,7 +490,7 @@ mod tests {
         let newton = NewtonSettings {
             name: "newton".to_string(),
             solver: LinearSolver::Factor,
-            projection: ProjectionRule::OnDemand { back_off: 2 },
+            projection: ProjectionRule::OnDemand { back_off: 2, blended: false },
             warp: true,
             max_inner: 10,
             memory: 1e9,

@@ -5,6 +5,9 @@ use crate::equality::Within;
 use proxel_linalg::sparse::{Cholesky, Ordering, SolveScratch, SparseError, SymPattern, Symbolic};
 use std::sync::Arc;
 
+/// Parts of the diagonal that are added to it, one after the other, where rounding makes a matrix indefinite.
+const SHIFTS: [f64; 4] = [1e-14, 1e-12, 1e-10, 1e-8];
+
 /// Digits of a factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
@@ -118,11 +121,11 @@ impl NormalMatrix {
         if !equalities.is_empty() {
             matrix.within = Some(Within::new(equalities, problem.n_free));
         }
-        matrix.fill_and_factor(problem)?;
+        matrix.fill_and_factor(problem, 0.0)?;
         Ok(matrix)
     }
 
-    fn fill_and_factor(&mut self, problem: &Problem) -> Result<(), SystemError> {
+    fn fill_and_factor(&mut self, problem: &Problem, shift: f64) -> Result<(), SystemError> {
         self.values.fill(0.0);
         for term in &problem.terms {
             term.add_normal(&self.pattern, &mut self.values);
@@ -141,6 +144,11 @@ impl NormalMatrix {
             });
         }
         problem.quadratic.form.add_to(&self.pattern, &mut self.values);
+        if shift > 0.0 {
+            for node in 0..problem.n_free {
+                self.values[self.pattern.diagonal_slot(node)] *= 1.0 + shift;
+            }
+        }
         let in_single = match &mut self.factor {
             Factor::Single(factor) => factor.refactor(&self.values).is_ok(),
             Factor::Double(_) => false,
@@ -165,10 +173,18 @@ impl NormalMatrix {
     /// Numbers anew, pattern as before.
     ///
     /// # Errors
-    /// A singular or non-finite matrix.
+    /// A non-finite matrix.
     pub fn refactor(&mut self, problem: &Problem) -> Result<(), SystemError> {
         self.refactorisations += 1;
-        self.fill_and_factor(problem)
+        let mut end = self.fill_and_factor(problem, 0.0);
+        // It has been positive definite with other weights, so it is now; weights that are far apart hide it in rounding.
+        for shift in SHIFTS {
+            if !matches!(end, Err(SystemError::Singular { .. })) {
+                break;
+            }
+            end = self.fill_and_factor(problem, shift);
+        }
+        end
     }
 
     /// b <- A^-1 b, for all coordinates of the free nodes; where the problem has equalities, the minimiser of

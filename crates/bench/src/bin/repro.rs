@@ -29,13 +29,16 @@ struct Arguments {
     /// Runs of each kind; seconds are the least
     #[arg(long, default_value_t = 1, value_name = "N")]
     repeats: usize,
+    /// Meshes of unwrap-robustness; 2000 by default, 60 with --quick
+    #[arg(long, value_name = "N")]
+    count: Option<usize>,
     /// Few models, values and iterations, to see that all works
     #[arg(long)]
     quick: bool,
 }
 
 fn names() -> String {
-    let lines: Vec<String> = ALL.iter().map(|r| format!("  {:<15} {}", r.name, r.about)).collect();
+    let lines: Vec<String> = ALL.iter().map(|r| format!("  {:<17} {}", r.name, r.about)).collect();
     format!("Names:\n{}", lines.join("\n"))
 }
 
@@ -48,6 +51,7 @@ fn main() -> ExitCode {
         max_iters: arguments.max_iters,
         weight_scales: arguments.weight_scales,
         repeats: arguments.repeats,
+        count: arguments.count,
         quick: arguments.quick,
     };
     match run(&arguments.name, &options, &mut |what| eprintln!("{what}")) {

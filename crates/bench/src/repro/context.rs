@@ -24,8 +24,23 @@ pub struct Options {
     pub weight_scales: Vec<f64>,
     /// Repetitions of every run; seconds are the least of them.
     pub repeats: usize,
+    /// Meshes of a reproduction that makes them, where given.
+    pub count: Option<usize>,
     /// Few models, few values, few iterations: to see that all works.
     pub quick: bool,
+}
+
+/// A row of the CSV.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reached {
+    /// Name of the model.
+    pub problem: String,
+    /// Name of the method.
+    pub method: String,
+    /// What was to be reached.
+    pub level: String,
+    /// After how many iterations and seconds it was, if it was.
+    pub at: Option<(usize, f64)>,
 }
 
 /// A reproduction under way.
@@ -39,6 +54,8 @@ pub struct Context<'a> {
     pub text: String,
     /// All runs so far, for the CSV.
     pub runs: Vec<Run>,
+    /// Further rows of the CSV.
+    pub reached: Vec<Reached>,
     levels: Vec<Level>,
     tell: &'a mut dyn FnMut(&str),
 }
@@ -51,7 +68,7 @@ impl<'a> Context<'a> {
         tell: &'a mut dyn FnMut(&str),
     ) -> Self {
         let levels = LEVELS.iter().copied().filter(|level| matches!(level, Level::Position(_))).collect();
-        Context { name, options, models, text: String::new(), runs: Vec::new(), levels, tell }
+        Context { name, options, models, text: String::new(), runs: Vec::new(), reached: Vec::new(), levels, tell }
     }
 
     /// Says what is being done.
@@ -83,6 +100,21 @@ impl<'a> Context<'a> {
              vertices; energy error: (E - E*) / (E_0 - E*).",
             env!("CARGO_PKG_VERSION"),
             self.max_iters(),
+        )
+    }
+
+    /// The same of maps.
+    pub fn map_conditions(&self) -> String {
+        let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let threads = self.options.threads.unwrap_or(processors);
+        let repeats = match self.options.repeats {
+            0 | 1 => String::new(),
+            n => format!(" The least of {n} runs."),
+        };
+        format!(
+            "Proxel {}, {threads} threads of {processors} processors. Seconds are wall time from the end of reading; start \
+             maps, orders and factorisations are included.{repeats} Energies are symmetric Dirichlet, 1 at an isometry.",
+            env!("CARGO_PKG_VERSION"),
         )
     }
 
@@ -150,7 +182,12 @@ impl<'a> Context<'a> {
     pub(super) fn finish(self) -> Result<(), BenchError> {
         let file = |ending: &str| self.options.out.join(format!("{}.{ending}", self.name));
         table::write(&file("md"), &self.text)?;
-        table::write(&file("csv"), &table::csv(&self.runs, &self.levels))?;
+        let mut csv = table::csv(&self.runs, &self.levels);
+        for Reached { problem, method, level, at } in &self.reached {
+            let cells = at.map_or_else(|| ",".to_string(), |(iterations, seconds)| format!("{iterations},{seconds}"));
+            let _ = writeln!(csv, "{problem},{method},{level},{cells}");
+        }
+        table::write(&file("csv"), &csv)?;
         (self.tell)(&format!("wrote {}", file("md").display()));
         Ok(())
     }

@@ -11,6 +11,7 @@ mod figure8;
 mod growth;
 pub mod hopeless;
 mod live;
+mod maps;
 mod race;
 mod schedules;
 mod spring;
@@ -32,92 +33,166 @@ pub struct Reproduction {
     pub about: &'static str,
     /// Models where none are named: all that are found if empty.
     pub models: &'static [&'static str],
-    /// Whether it needs no model.
-    pub standalone: bool,
+    /// What its models are.
+    pub kind: Kind,
     run: fn(&mut Context<'_>) -> Result<(), BenchError>,
+}
+
+impl Reproduction {
+    /// Whether its text speaks of maps.
+    fn is_of_maps(&self) -> bool {
+        self.kind == Kind::Maps || self.name.starts_with("unwrap")
+    }
+}
+
+/// What a reproduction is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Bodies that are deformed.
+    Bodies,
+    /// Surfaces that are mapped.
+    Maps,
+    /// It makes what it needs.
+    Standalone,
 }
 
 /// Models that solve fast.
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 11] = [
+pub const ALL: [Reproduction; 19] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
         models: &[],
-        standalone: false,
+        kind: Kind::Bodies,
         run: table1::run,
     },
     Reproduction {
         name: "wrapd-figure2",
         about: "the spring: its energy over edge vector and length; linear against rotation-aware splitting",
         models: &[],
-        standalone: true,
+        kind: Kind::Standalone,
         run: figure2::run,
     },
     Reproduction {
         name: "wrapd-figure4",
         about: "with and without rotation awareness and reweighting; R-ADMM against weight multipliers",
         models: &["homer"],
-        standalone: false,
+        kind: Kind::Bodies,
         run: figure4::run,
     },
     Reproduction {
         name: "wrapd-figure8",
         about: "cloth with hard strain limits: position error against time, and pictures at equal time",
         models: &[],
-        standalone: true,
+        kind: Kind::Standalone,
         run: figure8::run,
     },
     Reproduction {
         name: "wrapd-sweeps",
         about: "gamma, kappa, k_rw, window and the range of weights, one at a time",
         models: SMALL,
-        standalone: false,
+        kind: Kind::Bodies,
         run: sweeps::run,
     },
     Reproduction {
         name: "race",
         about: "`auto` against `wrapd`: seconds to a position error of 1e-4 and to an energy error of 1e-10, in turns",
         models: &[],
-        standalone: false,
+        kind: Kind::Bodies,
         run: race::run,
     },
     Reproduction {
         name: "growth",
         about: "seconds at 1, 8 and 64 times the size: `auto`, `wrapd`, `newton` and `newton-cg`",
         models: &["beam", "homer", "centaur"],
-        standalone: false,
+        kind: Kind::Bodies,
         run: growth::run,
     },
     Reproduction {
         name: "hopeless",
         about: "from starts that are collapsed, random, mirrored or reflected: does `auto` end at a stationary point",
         models: &[],
-        standalone: false,
+        kind: Kind::Bodies,
         run: hopeless::run,
     },
     Reproduction {
         name: "live",
         about: "a handle moves: error against time from the last minimum, beside WRAPD iterations and a cold solve",
         models: &["centaur"],
-        standalone: false,
+        kind: Kind::Bodies,
         run: live::run,
     },
     Reproduction {
         name: "schedules",
         about: "paper, reference and default schedule, and what they differ in, one at a time",
         models: &[],
-        standalone: false,
+        kind: Kind::Bodies,
         run: schedules::run,
     },
     Reproduction {
         name: "weights",
         about: "first weights near incompressibility, weights that are no scalars, Anderson acceleration of WRAPD",
         models: SMALL,
-        standalone: false,
+        kind: Kind::Bodies,
         run: weights::run,
+    },
+    Reproduction {
+        name: "wrapd-table2",
+        about: "iterations and seconds of all methods to the early and the late phase of maps, beside Table 2",
+        models: &[],
+        kind: Kind::Maps,
+        run: maps::table2::run,
+    },
+    Reproduction {
+        name: "wrapd-table3",
+        about: "the early phase of maps against subdivision, beside Table 3; Figure 10",
+        models: &["dino"],
+        kind: Kind::Maps,
+        run: maps::table3::run,
+    },
+    Reproduction {
+        name: "wrapd-figure3",
+        about: "how long the global step goes on: kappa",
+        models: &["horse", "dog"],
+        kind: Kind::Maps,
+        run: maps::figures::figure3,
+    },
+    Reproduction {
+        name: "wrapd-figure5",
+        about: "maps with and without rotation awareness and reweighting",
+        models: &["horse"],
+        kind: Kind::Maps,
+        run: maps::figures::figure5,
+    },
+    Reproduction {
+        name: "wrapd-figure9",
+        about: "seconds a vertex over many surfaces, as histograms",
+        models: &["horse", "dino", "dog", "bimba"],
+        kind: Kind::Maps,
+        run: maps::figures::figure9,
+    },
+    Reproduction {
+        name: "wrapd-figure10",
+        about: "as wrapd-table3",
+        models: &["dino"],
+        kind: Kind::Maps,
+        run: maps::table3::run,
+    },
+    Reproduction {
+        name: "wrapd-figure11",
+        about: "energy and its error against time, phases, maps and textured surfaces",
+        models: &[],
+        kind: Kind::Maps,
+        run: maps::figures::figure11,
+    },
+    Reproduction {
+        name: "unwrap-robustness",
+        about: "thousands of random disks mapped at defaults: how many end flip-free and converged",
+        models: &[],
+        kind: Kind::Standalone,
+        run: maps::robustness::run,
     },
 ];
 
@@ -132,39 +207,48 @@ pub fn run(name: &str, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<
         return Err(BenchError(format!("{name}: no such reproduction; there are {}", names.join(", "))));
     };
     std::fs::create_dir_all(&options.out).map_err(|e| BenchError(format!("{}: {e}", options.out.display())))?;
-    let mut models = options.models.clone();
-    if models.is_empty() && !reproduction.standalone {
-        let mut found = data::found();
-        if reproduction.models.contains(&data::BEAM) {
-            found.insert(0, data::BEAM.to_string());
-        }
-        let wanted = if options.quick && reproduction.models.is_empty() {
-            &["shear", "stretch"][..]
-        } else {
-            reproduction.models
-        };
-        models = found.into_iter().filter(|name| wanted.is_empty() || wanted.contains(&name.as_str())).collect();
-        if options.quick {
-            models.truncate(2);
-        }
-    }
+    let models = models_of(reproduction, options);
     let mut context = Context::new(reproduction.name, options, models, tell);
     let _ = writeln!(context.text, "# {}\n\n{}.\n", reproduction.name, capitalised(reproduction.about));
-    if !reproduction.standalone {
-        let described = data::describe(&context.models);
+    let described = match reproduction.kind {
+        Kind::Bodies => data::describe(&context.models),
+        Kind::Maps => crate::maps::describe(&context.models),
+        Kind::Standalone => "Data: none needed.".to_string(),
+    };
+    let _ = writeln!(context.text, "{described}\n");
+    if reproduction.kind != Kind::Standalone {
         context.tell(&described);
-        let _ = writeln!(context.text, "{described}\n");
         if context.models.is_empty() {
             let _ = writeln!(context.text, "Nothing was run.");
             return context.finish();
         }
-    } else {
-        let _ = writeln!(context.text, "Data: none needed.\n");
     }
-    let conditions = context.conditions();
+    let conditions = if reproduction.is_of_maps() { context.map_conditions() } else { context.conditions() };
     let _ = writeln!(context.text, "{conditions}\n");
     (reproduction.run)(&mut context)?;
     context.finish()
+}
+
+/// The models asked for, or those of the reproduction that are found.
+fn models_of(reproduction: &Reproduction, options: &Options) -> Vec<String> {
+    if !options.models.is_empty() || reproduction.kind == Kind::Standalone {
+        return options.models.clone();
+    }
+    let mut found = match reproduction.kind {
+        Kind::Maps => crate::maps::found(),
+        _ => data::found(),
+    };
+    if reproduction.models.contains(&data::BEAM) {
+        found.insert(0, data::BEAM.to_string());
+    }
+    let few: &[&str] = if reproduction.kind == Kind::Maps { &["bimba", "horse"] } else { &["shear", "stretch"] };
+    let wanted = if options.quick && reproduction.models.is_empty() { few } else { reproduction.models };
+    let mut models: Vec<String> =
+        found.into_iter().filter(|name| wanted.is_empty() || wanted.contains(&name.as_str())).collect();
+    if options.quick {
+        models.truncate(2);
+    }
+    models
 }
 
 fn capitalised(text: &str) -> String {

@@ -64,7 +64,7 @@ impl NewtonSettings {
     pub fn of(&self, name: MethodName) -> proxel_split::NewtonSettings {
         let on_demand = match name {
             MethodName::ProjectedNewton => ProjectionRule::Always(Projection::Clamp),
-            _ => ProjectionRule::OnDemand { back_off: self.back_off },
+            _ => ProjectionRule::OnDemand { back_off: self.back_off, blended: false },
         };
         proxel_split::NewtonSettings {
             name: name.as_str().to_string(),

@@ -265,7 +265,7 @@ impl UnwrapSettings {
     /// For the methods of Newton's kind, and what follows the splitting.
     pub fn newton(&self) -> proxel_split::NewtonSettings {
         let always = |p| ProjectionRule::Always(p);
-        let on_demand = ProjectionRule::OnDemand { back_off: self.newton.back_off };
+        let on_demand = ProjectionRule::OnDemand { back_off: self.newton.back_off, blended: true };
         let (projection, proximal, warp) = match self.method {
             UnwrapMethod::Cm | UnwrapMethod::WrapdCm => (always(Projection::Clamp), self.proximal_cm, false),
             UnwrapMethod::ProjectedNewton => (always(Projection::Clamp), 0.0, false),

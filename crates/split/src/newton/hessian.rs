@@ -125,6 +125,20 @@ impl Hessian {
         Ok(())
     }
 
+    /// (1 - part) of the true Hessian at x plus part of the clamped one.
+    ///
+    /// # Errors
+    /// As [`Self::assemble`].
+    pub fn assemble_blend(&mut self, problem: &mut Problem, x: &[f64], part: f64) -> Result<(), SystemError> {
+        self.assemble(problem, x, Projection::None)?;
+        let exact = self.matrix.values().to_vec();
+        self.assemble(problem, x, Projection::Clamp)?;
+        for (value, exact) in self.matrix.values_mut().iter_mut().zip(&exact) {
+            *value = part * *value + (1.0 - part) * exact;
+        }
+        Ok(())
+    }
+
     fn add_potentials(&mut self, problem: &Problem, x: &[f64]) {
         let size = self.matrix.dim() * self.matrix.dim();
         let (values, mut slots) = (self.matrix.values_mut(), self.potentials.iter());
@@ -165,6 +179,21 @@ impl Hessian {
         self.matrix.for_each_diagonal(|v| self.diagonal.push(*v));
         let shift = shift * self.diagonal.iter().map(|v| v.abs()).sum::<f64>() / self.diagonal.len().max(1) as f64;
         self.matrix.for_each_diagonal(|v| *v += shift);
+        self.factor_and_restore(normal)
+    }
+
+    /// As [`Self::factor`], with the part `lift` of each entry of the diagonal added to it.
+    ///
+    /// # Errors
+    /// Entries that are not finite.
+    pub fn factor_lifted(&mut self, normal: &NormalMatrix, lift: f64) -> Result<bool, SystemError> {
+        self.diagonal.clear();
+        self.matrix.for_each_diagonal(|v| self.diagonal.push(*v));
+        self.matrix.for_each_diagonal(|v| *v += lift * v.abs());
+        self.factor_and_restore(normal)
+    }
+
+    fn factor_and_restore(&mut self, normal: &NormalMatrix) -> Result<bool, SystemError> {
         let result = self.factor_as_it_is(normal);
         let mut before = self.diagonal.iter();
         self.matrix.for_each_diagonal(|v| *v = before.next().copied().unwrap_or(*v));

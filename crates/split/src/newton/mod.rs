@@ -30,6 +30,10 @@ pub enum ProjectionRule {
     OnDemand {
         /// Most iterations before the true one is tried again.
         back_off: usize,
+        /// Whether, after six long steps with the clamped one in a row, a mean of the true and the clamped one is taken instead of the clamped one, with as
+        /// much of the true one as leaves it positive definite: where stretches are far apart the clamped one is so much
+        /// too stiff that its steps hardly move.
+        blended: bool,
     },
     /// Always this one.
     Always(Projection),
@@ -82,6 +86,8 @@ pub struct Newton {
     evaluation: Option<Evaluation>,
     wait: usize,        // iterations before the true Hessian is tried again
     back_off: usize,    // how long the last wait was
+    blend: f64,         // part of the clamped Hessian in the last mean
+    clamped: usize,     // long steps in a row that were not with the true one
     last: Found,        // of the last step
     last_gradient: f64, // norm before the last step
     iteration: usize,
@@ -148,6 +154,8 @@ impl Newton {
             evaluation: None,
             wait: 0,
             back_off: 0,
+            blend: 1.0,
+            clamped: 0,
             last: Found { t: 1.0, ratio: 1.0, ..Found::default() },
             last_gradient: f64::INFINITY,
             iteration,
@@ -215,6 +223,8 @@ impl Newton {
         let fall = self.fall();
         let tolerance = (0.1 * fall * fall).clamp(1e-6, 1e-2);
         let is_tried = self.is_old_factor_good();
+        let clamped = std::mem::take(&mut self.clamped);
+        let clamped = if self.last.t < LONG { 0 } else { clamped };
         if is_tried {
             self.assemble(Projection::None)?;
             let report = self.preconditioned(tolerance, WITH_OLD_FACTOR)?;
@@ -223,6 +233,13 @@ impl Newton {
             }
         }
         for projection in self.projections().into_iter().flatten() {
+            if projection == Projection::Clamp
+                && self.is_blended(clamped)
+                && let Some(report) = self.by_blend(tolerance)?
+            {
+                self.clamped = clamped + 1;
+                return Ok(report);
+            }
             if !(is_tried && projection == Projection::None) {
                 self.assemble(projection)?;
             }
@@ -233,6 +250,8 @@ impl Newton {
             }
             if projection == Projection::None {
                 self.back_off = 0;
+            } else {
+                self.clamped = clamped + 1;
             }
             let report = self.preconditioned(tolerance, CORRECTIONS)?;
             if report.end == CgEnd::NegativeCurvature {
@@ -241,8 +260,36 @@ impl Newton {
             }
             return Ok(report);
         }
-        // Not even absolute eigenvalues can be factored in f32: the normal matrix can.
+        // Not even absolute eigenvalues can be factored in f32: with some more on the diagonal they can, and that is still a
+        // good preconditioner.
+        for lift in LIFTS {
+            self.factorisations += 1;
+            if self.hessian.factor_lifted(&self.normal, lift)? {
+                return self.preconditioned(tolerance, WITH_LIFTED_FACTOR);
+            }
+        }
         self.by_gradients()
+    }
+
+    fn is_blended(&self, clamped: usize) -> bool {
+        clamped >= CRAWL && matches!(self.settings.projection, ProjectionRule::OnDemand { blended: true, .. })
+    }
+
+    /// With the mean of the true and the clamped Hessian; none where that takes more of the clamped one than it is worth.
+    fn by_blend(&mut self, tolerance: f64) -> Result<Option<CgReport>, SystemError> {
+        let mut part = (self.blend * LESS).max(LEAST_BLEND);
+        while part < 1.0 {
+            self.hessian.assemble_blend(&mut self.problem, &self.x, part)?;
+            self.hessian.add_to_diagonal(self.settings.proximal);
+            self.factorisations += 1;
+            if self.hessian.factor(&self.normal, self.settings.shift)? {
+                self.blend = part;
+                return self.preconditioned(tolerance, CORRECTIONS).map(Some);
+            }
+            part *= MORE;
+        }
+        self.blend = 1.0;
+        Ok(None)
     }
 
     fn assemble(&mut self, projection: Projection) -> Result<(), SystemError> {
@@ -299,7 +346,8 @@ impl Newton {
 
     /// The true Hessian was not positive definite.
     fn delay(&mut self, projection: Projection) {
-        if let (ProjectionRule::OnDemand { back_off }, Projection::None) = (self.settings.projection, projection) {
+        let rule = self.settings.projection;
+        if let (ProjectionRule::OnDemand { back_off, .. }, Projection::None) = (rule, projection) {
             self.wait = self.back_off;
             self.back_off = (self.back_off + 1).min(back_off);
         }
@@ -335,6 +383,28 @@ const WITH_OLD_FACTOR: usize = 5;
 
 /// What they may leave of the residual, at most, to be of more use than a new factor.
 const USEFUL: f64 = 0.1;
+
+/// And one of a matrix with more on its diagonal.
+const WITH_LIFTED_FACTOR: usize = 30;
+
+/// Parts of the diagonal that are added to it where f32 makes the matrix indefinite.
+const LIFTS: [f64; 4] = [1e-6, 1e-5, 1e-4, 1e-3];
+
+/// Steps with the clamped Hessian that show that it is too stiff, if they were long and yet did not lead to where the true one
+/// is positive definite;
+const CRAWL: usize = 6;
+
+/// long: at least this part of the whole.
+const LONG: f64 = 0.5;
+
+/// From one iteration to the next the part of the clamped Hessian in a blend is tried at this part of what it was,
+const LESS: f64 = 0.5;
+
+/// then at this multiple of that, until the blend is positive definite;
+const MORE: f64 = 2.0;
+
+/// never at less than this.
+const LEAST_BLEND: f64 = 1e-3;
 
 /// The model is trusted where a step gained what it foretold up to this part.
 const TRUSTED: f64 = 0.1;
