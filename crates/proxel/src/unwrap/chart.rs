@@ -224,7 +224,7 @@ pub(super) fn solve(
     let Some(mut method) = method else {
         return Ok(ChartMap { uv: in_units(chart, &start.uv, input), ..held(chart, &start.uv) });
     };
-    let mut tolerance = GradientTolerance::new(settings.tol, method.as_mut());
+    let mut tolerance = tolerance(&start, settings, method.as_mut());
     let reference_gradient = tolerance.reference();
     let mut limit = IterationLimit(settings.max_iters);
     let mut stuck = NoProgress::new(REFUSALS);
@@ -241,7 +241,14 @@ pub(super) fn solve(
     let mut grad = vec![0.0; 2 * problem.n_free];
     problem.energy(&outcome.x, Some(&mut grad));
     let gradient_norm = problem.gradient_norm(&mut grad);
-    let flat = order.user(&outcome.x);
+    let mut flat = order.user(&outcome.x);
+    if input.pins.is_empty() && !settings.fixed_boundary {
+        turn_back(&mut flat, &start.uv);
+        if outcome.status != Status::Converged && flips(chart.triangles, &flat) == 0 {
+            let factor = best_scale(chart, &flat);
+            flat.iter_mut().for_each(|p| *p = p.map(|v| v * factor));
+        }
+    }
     Ok(ChartMap {
         uv: in_units(chart, &flat, input),
         energy_z: 1.0 + outcome.last.energy_z / MODULUS,
@@ -253,6 +260,44 @@ pub(super) fn solve(
         rows,
         ..held(chart, &flat)
     })
+}
+
+/// When a chart has converged. A given map may be a minimum already, whose gradient is rounding: what is asked for then is
+/// not less than rounding leaves.
+pub(super) fn tolerance(start: &Start, settings: &UnwrapSettings, method: &mut dyn Method) -> GradientTolerance {
+    let from_start = GradientTolerance::new(settings.tol, method);
+    match start.weights {
+        Weights::Given => {
+            let characteristic = method.problem().characteristic_gradient();
+            GradientTolerance::against(settings.tol, from_start.reference(), GIVEN * characteristic)
+        }
+        _ => from_start,
+    }
+}
+
+/// How many times more rounding the gradient of a map that was read may have.
+const GIVEN: f64 = 1e3;
+
+/// Moves and turns a map such that it lies as the start lay: that costs nothing, and where the map has come to on its way
+/// says nothing.
+pub(super) fn turn_back(flat: &mut [[f64; 2]], start: &[[f64; 2]]) {
+    let n = flat.len().max(1) as f64;
+    let mean = |of: &[[f64; 2]]| [0, 1].map(|d| of.iter().map(|p| p[d]).sum::<f64>() / n);
+    let (from, to) = (mean(flat), mean(start));
+    let (mut dot, mut cross) = (0.0, 0.0);
+    for (p, q) in flat.iter().zip(start) {
+        let (p, q) = ([p[0] - from[0], p[1] - from[1]], [q[0] - to[0], q[1] - to[1]]);
+        dot += p[0] * q[0] + p[1] * q[1];
+        cross += p[0] * q[1] - p[1] * q[0];
+    }
+    let size = dot.hypot(cross);
+    if size > 0.0 && size.is_finite() {
+        let (c, s) = (dot / size, cross / size);
+        for p in flat {
+            let q = [p[0] - from[0], p[1] - from[1]];
+            *p = [to[0] + c * q[0] - s * q[1], to[1] + s * q[0] + c * q[1]];
+        }
+    }
 }
 
 /// In the user's units; pins exactly where they were put.

@@ -7,7 +7,7 @@ use super::{UnwrapError, UnwrapInput, cut, pool};
 use crate::settings::UnwrapSettings;
 use proxel_mesh::charts::Charts;
 use proxel_mesh::uv::UvMap;
-use proxel_split::{Evaluation, GradientTolerance, Method, Status};
+use proxel_split::{Evaluation, Method, Status};
 
 /// A surface being mapped: cut, started and analysed once, then moved by [`step`](Self::step). After a change of pins or seams
 /// it goes on from the map that it has got to; charts that the change does not touch stay as they are.
@@ -42,6 +42,8 @@ struct Live {
     state: Evaluation,
     is_open: bool,
     pins: Vec<(u32, [f64; 2])>,
+    is_loose: bool, // whether nothing keeps the map from turning
+    start: Vec<[f64; 2]>,
     unit: f64,         // length of the mesh in a unit of the solver
     uv: Vec<[f64; 2]>, // where there is no method
 }
@@ -52,16 +54,40 @@ impl Live {
         let none = Evaluation::default();
         let Some(flat) = Flat::new(&input.points, &chart.triangles, &chart.loops) else {
             let (order, uv) = (Order::none(), vec![[0.0; 2]; input.points.len()]);
-            return Ok(Live { order, method: None, threshold: 0.0, state: none, is_open: false, pins, unit: 0.0, uv });
+            return Ok(Live {
+                order,
+                method: None,
+                threshold: 0.0,
+                state: none,
+                is_open: false,
+                pins,
+                is_loose: false,
+                start: Vec::new(),
+                unit: 0.0,
+                uv,
+            });
         };
         let unit = flat.scale.recip();
         let Prepared { order, start, method } = chart::prepare(&flat, input, settings)?;
         let uv = chart::in_units(&flat, &start.uv, input);
-        let mut live = Live { order, method, threshold: 0.0, state: none, is_open: false, pins, unit, uv };
+        let is_loose = pins.is_empty() && !settings.fixed_boundary;
+        let mut live = Live {
+            order,
+            method,
+            threshold: 0.0,
+            state: none,
+            is_open: false,
+            pins,
+            is_loose,
+            start: Vec::new(),
+            unit,
+            uv,
+        };
         if let Some(method) = &mut live.method {
-            live.threshold = GradientTolerance::new(settings.tol, method.as_mut()).threshold();
+            live.threshold = chart::tolerance(&start, settings, method.as_mut()).threshold();
             live.look();
         }
+        live.start = start.uv;
         Ok(live)
     }
 
@@ -77,7 +103,11 @@ impl Live {
     /// In units of length of the mesh.
     fn uv(&self) -> Vec<[f64; 2]> {
         let Some(method) = &self.method else { return self.uv.clone() };
-        let mut uv: Vec<[f64; 2]> = self.order.user(method.x()).iter().map(|p| p.map(|v| v * self.unit)).collect();
+        let mut uv = self.order.user(method.x());
+        if self.is_loose {
+            chart::turn_back(&mut uv, &self.start);
+        }
+        uv.iter_mut().for_each(|p| *p = p.map(|v| v * self.unit));
         for (v, target) in &self.pins {
             uv[*v as usize] = *target;
         }
