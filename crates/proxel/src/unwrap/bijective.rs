@@ -1,10 +1,12 @@
 //! Maps without overlaps: a scaffold around a chart keeps its border from crossing itself.
 
-use super::chart::{self, ChartInput, ChartMap, Order, Watcher, in_units, middle};
+use super::chart::{self, ChartInput, ChartMap, in_units};
 use super::flat::{Flat, best_scale, flips, symmetric_dirichlet};
+use super::order::{Order, middle};
+use super::problem::MODULUS;
 use super::scaffold::{Scaffold, augmented};
 use super::start::bijective_starts;
-use super::watch::TimeLimit;
+use super::watch::{TimeLimit, Watcher};
 use super::{Hooks, UnwrapError};
 use crate::settings::{UnwrapMethod, UnwrapSettings};
 use proxel_mesh::Mesh;
@@ -161,7 +163,7 @@ impl<'a, 'b> Run<'a, 'b> {
         let order = self.order.with_between(scaffold.n_free);
         let mut problem = augmented(chart, &order, &scaffold, &self.uv, self.input, self.settings, self.weight)?;
         let before = own_energy(&mut problem, &order.solver(&self.uv));
-        let reference = self.map.reference_gradient * chart::MODULUS;
+        let reference = self.map.reference_gradient * MODULUS;
         let tolerance = GradientTolerance::against(self.settings.tol, reference, problem.characteristic_gradient());
         let normal = NormalMatrix::new(&problem)?;
         let (x, iteration) = (problem.x0.clone(), self.map.outcome.iterations);
@@ -189,7 +191,7 @@ impl<'a, 'b> Run<'a, 'b> {
         };
         self.map.rows.append(&mut watcher.rows);
         clock.1 = watcher.watching;
-        self.map.gradient_norm = newton.evaluate().gradient_norm / chart::MODULUS;
+        self.map.gradient_norm = newton.evaluate().gradient_norm / MODULUS;
         self.map.factor_bytes = self.map.factor_bytes.max(newton.factor_bytes());
         let uv = order.user(newton.x());
         // What counts is exact arithmetic, not the energy's.
@@ -198,7 +200,7 @@ impl<'a, 'b> Run<'a, 'b> {
         }
         let mut problem = Box::new(newton).into_problem();
         let after = own_energy(&mut problem, &order.solver(&uv));
-        let size = problem.terms.first().map_or(1.0, |own| chart::MODULUS * own.scale().measure);
+        let size = problem.terms.first().map_or(1.0, |own| MODULUS * own.scale().measure);
         let gain = (before.value - after.value) / (after.value + size);
         self.map.outcome.energy = after;
         self.uv = uv;
@@ -214,7 +216,7 @@ impl<'a, 'b> Run<'a, 'b> {
     /// After the last scaffold.
     fn verdict(&self, round: &Round) -> Verdict {
         let Round { threshold, gain, .. } = round;
-        let (gradient, weight, tol) = (self.map.gradient_norm * chart::MODULUS, self.weight, self.settings.tol);
+        let (gradient, weight, tol) = (self.map.gradient_norm * MODULUS, self.weight, self.settings.tol);
         let renewed = format!("renewing the scaffold lowers the energy by {gain:.1e} of it (at most {SETTLED:e})");
         match round.is_still {
             true => Verdict {

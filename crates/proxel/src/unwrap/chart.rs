@@ -1,21 +1,15 @@
 //! The map of one chart.
 
 use super::flat::{Flat, best_scale, flips, symmetric_dirichlet};
+use super::order::{Order, middle};
 use super::pins::similarity;
+use super::problem::{MODULUS, Relaxed, method, problem};
 use super::start::{Start, Weights, start};
+use super::watch::{TimeLimit, Watcher};
 use super::{Hooks, MapRow, UnwrapError, UnwrapInput};
-use crate::settings::{UnwrapMethod, UnwrapSettings};
+use crate::settings::UnwrapSettings;
 use proxel_mesh::charts::{Chart, Charts};
-use proxel_model::elements::{
-    Batch, BatchShape, BatchWeights, ElementError, Elements, Flattened, Polar, Rest, batch, morton,
-};
-use proxel_model::energy::{Energy, Lame, RelaxedSymmetricDirichlet, SymmetricDirichlet};
-use proxel_split::{
-    Admm, AdmmSettings, Auto, Cancel, Dial, Direct, GlobalStep, GradientTolerance, IterationLimit, Lbfgs, Method,
-    Newton, NoProgress, Observer, Outcome, Parts, Problem, Quadratic, QuasiNewton, Relax, Residuals, Status,
-    StepReport, Stop, SystemError, Term,
-};
-use std::sync::Arc;
+use proxel_split::{Cancel, GradientTolerance, IterationLimit, Method, NoProgress, Outcome, Residuals, Status, Stop};
 use std::time::{Duration, Instant};
 
 /// Steps that a method may refuse in a row.
@@ -87,83 +81,6 @@ pub(super) struct ChartMap {
     pub degenerate: usize,
 }
 
-/// Weights, moduli: symmetric Dirichlet with the stiffness 8 at rest, s^2 + s^-2 - 2 for each stretch, is that of mu = 4.
-pub(super) const MODULUS: f64 = 4.0;
-
-/// Vertices of a chart as the solver has them: fixed ones last, each kind along a space-filling curve.
-#[derive(Clone)]
-pub(super) struct Order {
-    pub number: Vec<u32>, // of each vertex
-    pub n_free: usize,
-    pub between: usize, // the first number that is left out for other nodes
-}
-
-impl Order {
-    /// Of nothing.
-    pub fn none() -> Self {
-        Order { number: Vec::new(), n_free: 0, between: 0 }
-    }
-
-    pub fn new(chart: &Flat<'_>, fixed: &[u32]) -> Self {
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for p in chart.points {
-            for d in 0..3 {
-                (low[d], high[d]) = (low[d].min(p[d]), high[d].max(p[d]));
-            }
-        }
-        let size = (0..3).map(|d| high[d] - low[d]).fold(0.0, f64::max);
-        let mut is_fixed = vec![false; chart.points.len()];
-        for v in fixed {
-            is_fixed[*v as usize] = true;
-        }
-        let mut keyed: Vec<(bool, u64, u32)> =
-            (0..chart.points.len()).map(|v| (is_fixed[v], morton(chart.points[v], low, size), v as u32)).collect();
-        keyed.sort_unstable();
-        let mut number = vec![0; keyed.len()];
-        for (place, (_, _, v)) in keyed.iter().enumerate() {
-            number[*v as usize] = place as u32;
-        }
-        let n_free = chart.points.len() - fixed.len();
-        Order { number, n_free, between: n_free }
-    }
-
-    /// With so many other nodes between the free and the fixed ones.
-    pub fn with_between(&self, nodes: usize) -> Self {
-        let moved = |at: &u32| if (*at as usize) < self.between { *at } else { *at + nodes as u32 };
-        Order { number: self.number.iter().map(moved).collect(), ..self.clone() }
-    }
-
-    pub fn solver(&self, uv: &[[f64; 2]]) -> Vec<f64> {
-        let nodes = self.number.iter().max().map_or(0, |last| *last as usize + 1);
-        let mut x = vec![0.0; 2 * nodes];
-        for (uv, at) in uv.iter().zip(&self.number) {
-            x[2 * *at as usize..][..2].copy_from_slice(uv);
-        }
-        x
-    }
-
-    /// The triangles, in the solver's numbers.
-    pub fn elements(&self, chart: &Flat<'_>) -> Vec<u32> {
-        chart.triangles.iter().flatten().map(|v| self.number[*v as usize]).collect()
-    }
-
-    pub fn user(&self, x: &[f64]) -> Vec<[f64; 2]> {
-        self.number.iter().map(|at| [x[2 * *at as usize], x[2 * *at as usize + 1]]).collect()
-    }
-}
-
-/// The vertex nearest to the middle of the map's bounding box: what is held, since a map can be anywhere.
-pub(super) fn middle(uv: &[[f64; 2]]) -> usize {
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for p in uv {
-        for d in 0..2 {
-            (low[d], high[d]) = (low[d].min(p[d]), high[d].max(p[d]));
-        }
-    }
-    let distance = |p: &[f64; 2]| (0..2).map(|d| (p[d] - 0.5 * (low[d] + high[d])).powi(2)).sum::<f64>();
-    (0..uv.len()).min_by(|a, b| distance(&uv[*a]).total_cmp(&distance(&uv[*b]))).unwrap_or(0)
-}
-
 /// A chart whose method is at its start.
 pub(super) struct Prepared {
     pub order: Order,
@@ -229,7 +146,7 @@ pub(super) fn solve(
     let mut limit = IterationLimit(settings.max_iters);
     let mut stuck = NoProgress::new(REFUSALS);
     let mut cancel = Cancel(hooks.cancel.clone());
-    let mut time = super::watch::TimeLimit::new(began, settings.time_limit);
+    let mut time = TimeLimit::new(began, settings.time_limit);
     let mut watcher =
         Watcher { chart, order: &order, hooks, began: entered, watching: Duration::ZERO, rows: Vec::new() };
     let mut stops: [&mut dyn Stop; 5] = [&mut tolerance, &mut cancel, &mut time, &mut limit, &mut stuck];
@@ -392,193 +309,4 @@ fn begin(chart: &Flat<'_>, input: &ChartInput<'_>) -> Result<Start, UnwrapError>
         start.flips = flips(chart.triangles, &start.uv);
     }
     Ok(start)
-}
-
-fn problem(
-    chart: &Flat<'_>,
-    order: &Order,
-    start: &Start,
-    input: &ChartInput<'_>,
-    settings: &UnwrapSettings,
-) -> Result<Problem, UnwrapError> {
-    let (term, barrier) = term(chart, order, chart.points.len(), input, settings)?;
-    Ok(Problem {
-        dim: 2,
-        n_free: order.n_free,
-        x0: order.solver(&start.uv),
-        terms: vec![term],
-        quadratic: Quadratic::default(),
-        barrier,
-    })
-}
-
-/// The triangles of the chart as elements, and whether their energy is infinite at flips.
-pub(super) fn term(
-    chart: &Flat<'_>,
-    order: &Order,
-    n_nodes: usize,
-    input: &ChartInput<'_>,
-    settings: &UnwrapSettings,
-) -> Result<(Box<dyn Term>, bool), UnwrapError> {
-    let lame = Lame::new(MODULUS, 0.0).map_err(|e| UnwrapError(e.to_string()))?;
-    let scale = settings.admm.weight_scale;
-    batch(&Batch {
-        shape: BatchShape::PlanarTriangles,
-        positions: &[],
-        flattened: Some(Flattened { shapes: &chart.shapes, centers: &centers(chart), n_nodes }),
-        elements: &order.elements(chart),
-        fill: input.weights.as_deref(),
-        energy: &settings.energy,
-        lame: &lame,
-        limits: None,
-        rotation_aware: settings.method.is_rotation_aware(),
-        singular_values: settings.admm.singular_values,
-        weights: &|stiffness| BatchWeights { base: scale * stiffness.largest, softening: 1.0 },
-    })
-    .map_err(|e| UnwrapError(e.to_string()))
-}
-
-/// The middles of the triangles in space.
-fn centers(chart: &Flat<'_>) -> Vec<[f64; 3]> {
-    let center = |t: &[u32; 3]| [0, 1, 2].map(|d| t.map(|v| chart.points[v as usize][d] / 3.0).iter().sum());
-    chart.triangles.iter().map(center).collect()
-}
-
-/// What [`Untangle`](proxel_split::Untangle) minimises: the same triangles with an energy that is finite where they are
-/// turned over.
-struct Relaxed {
-    shapes: Arc<[[[f64; 2]; 2]]>,
-    centers: Vec<[f64; 3]>,
-    elements: Vec<u32>,
-    weights: Option<Vec<f64>>,
-    x0: Vec<f64>,
-    n_free: usize,
-}
-
-impl Relaxed {
-    /// None where the energy has no relaxed form, or needs none.
-    fn new(chart: &Flat<'_>, order: &Order, input: &ChartInput<'_>, settings: &UnwrapSettings) -> Option<Self> {
-        (settings.energy == <SymmetricDirichlet as Energy<2>>::NAME).then(|| Relaxed {
-            shapes: chart.shapes.clone(),
-            centers: centers(chart),
-            elements: order.elements(chart),
-            weights: input.weights.clone(),
-            x0: vec![0.0; 2 * chart.points.len()],
-            n_free: order.n_free,
-        })
-    }
-}
-
-impl Relax for Relaxed {
-    fn relaxed(&self) -> Result<(Problem, Dial), SystemError> {
-        let refuse = |e: ElementError| SystemError::Factor(e.to_string());
-        let n = self.x0.len() / 2;
-        let mut rest = Rest::<2, 2>::of_shapes(&self.shapes, &self.centers, &self.elements, n).map_err(refuse)?;
-        if let Some(weights) = &self.weights {
-            rest = rest.filled(|t| weights[t]).map_err(refuse)?;
-        }
-        let dial = Dial::new(1.0);
-        let energy = RelaxedSymmetricDirichlet { scale: 0.5 * MODULUS, epsilon: dial.clone() };
-        let problem = Problem {
-            dim: 2,
-            n_free: self.n_free,
-            x0: self.x0.clone(),
-            terms: vec![Box::new(Elements::<2, 2, Polar>::new(&rest, energy, 2.0 * MODULUS))],
-            quadratic: Quadratic::default(),
-            barrier: false,
-        };
-        Ok((problem, dial))
-    }
-}
-
-/// Puts the method together: parts, no special cases.
-fn method(
-    problem: Problem,
-    relaxed: Option<Relaxed>,
-    is_near: bool,
-    settings: &UnwrapSettings,
-) -> Result<Box<dyn Method>, SystemError> {
-    use UnwrapMethod::{Akvf, Auto as AutoName, Bcqn, Cm, Newton as NewtonName, ProjectedNewton, Slim, WrapdCm};
-    let name = settings.method;
-    Ok(match name {
-        Cm | Slim | Akvf | ProjectedNewton | NewtonName => Box::new(Newton::new(problem, settings.newton())?),
-        Bcqn => Box::new(QuasiNewton::new(problem, settings.bcqn.to_method(name.as_str(), true))?),
-        _ => {
-            let global: Box<dyn GlobalStep> = match name.is_rotation_aware() {
-                true => Box::new(Lbfgs::new(settings.admm.lbfgs())),
-                false => Box::new(Direct),
-            };
-            let admm = Admm::new(
-                problem,
-                AdmmSettings {
-                    name: name.as_str().to_string(),
-                    global,
-                    reweighting: name.is_reweighted().then(|| settings.admm.reweighting()),
-                    renewed_at: settings.admm.renewed_at,
-                },
-            )?;
-            match name {
-                AutoName | WrapdCm => {
-                    let text = name.as_str().to_string();
-                    let auto = if is_near {
-                        let (problem, normal, x, admm) = admm.into_parts();
-                        Auto::resume(text, Parts { problem, normal, x, admm, hessian: None }, settings.auto(), 0)?
-                    } else {
-                        Auto::new(text, admm, settings.auto())
-                    };
-                    Box::new(match relaxed {
-                        Some(relaxed) => auto.with_relaxation(Box::new(relaxed)),
-                        None => auto,
-                    })
-                }
-                _ => Box::new(admm),
-            }
-        }
-    })
-}
-
-/// Feeds the hooks; keeps the rows of the trace.
-pub(super) struct Watcher<'a, 'b, 'c> {
-    pub chart: &'a Flat<'c>,
-    pub order: &'a Order,
-    pub hooks: &'a mut Hooks<'b>,
-    pub began: Instant,
-    pub watching: Duration, // time spent on what only the hooks need
-    pub rows: Vec<MapRow>,
-}
-
-impl Observer for Watcher<'_, '_, '_> {
-    fn observe(&mut self, method: &mut dyn Method, report: &StepReport) {
-        let now = Instant::now();
-        let seconds = (now - self.began).saturating_sub(self.watching).as_secs_f64();
-        if let Some(progress) = self.hooks.progress.as_deref_mut() {
-            let energy = method.energy();
-            let value = 1.0 + energy.value / MODULUS;
-            progress(&super::Progress {
-                iteration: report.iteration,
-                seconds,
-                energy: value,
-                inverted: energy.inverted,
-            });
-        }
-        if self.hooks.traced {
-            let evaluation = method.evaluate();
-            let uv = self.order.user(method.x());
-            let residuals = method.residuals();
-            self.rows.push(MapRow {
-                iteration: report.iteration,
-                seconds,
-                energy: symmetric_dirichlet(self.chart, &uv),
-                gradient_norm: evaluation.gradient_norm / MODULUS,
-                primal_residual: residuals.primal,
-                dual_residual: residuals.dual,
-                inner: report.inner,
-                refactorised: report.refactorised,
-                accepted: report.accepted,
-                flips: flips(self.chart.triangles, &uv) as u64,
-                energy_z: 1.0 + report.energy_z / MODULUS,
-            });
-        }
-        self.watching += now.elapsed();
-    }
 }

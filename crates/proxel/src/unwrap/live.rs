@@ -1,8 +1,10 @@
 //! A map that is made step by step, and follows when what holds it changes.
 
 use super::assemble::{self, Laid};
-use super::chart::{self, ChartInput, MODULUS, Order, Prepared};
+use super::chart::{self, ChartInput, Prepared};
 use super::flat::Flat;
+use super::order::Order;
+use super::problem::MODULUS;
 use super::{UnwrapError, UnwrapInput, cut, pool};
 use crate::settings::UnwrapSettings;
 use proxel_mesh::charts::Charts;

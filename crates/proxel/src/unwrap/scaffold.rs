@@ -1,7 +1,9 @@
 //! The empty space around a map, triangulated: what keeps borders from crossing.
 
-use super::chart::{self, ChartInput, Order};
+use super::chart::ChartInput;
 use super::flat::{Flat, flips};
+use super::order::Order;
+use super::problem;
 use crate::settings::UnwrapSettings;
 use proxel_model::elements::{Batch, BatchShape, BatchWeights, Flattened, batch};
 use proxel_model::energy::{Energy, Lame, SymmetricDirichlet};
@@ -150,7 +152,7 @@ pub(super) fn augmented(
     let n = uv.len();
     let total = n + scaffold.points.len();
     let (own, barrier) =
-        chart::term(chart, order, total, input, settings).map_err(|e| SystemError::Factor(e.to_string()))?;
+        problem::term(chart, order, total, input, settings).map_err(|e| SystemError::Factor(e.to_string()))?;
     let elements: Vec<u32> = scaffold.triangles.iter().flatten().map(|v| scaffold.node(order, *v)).collect();
     let mut x0 = order.solver(uv);
     x0.resize(2 * total, 0.0);
@@ -168,7 +170,7 @@ pub(super) fn augmented(
         centers.push([(p[0] + q[0] + r[0]) / 3.0, (p[1] + q[1] + r[1]) / 3.0, 0.0]);
         fill.push(each / area);
     }
-    let lame = Lame::new(chart::MODULUS, 0.0).map_err(|e| SystemError::Factor(e.to_string()))?;
+    let lame = Lame::new(problem::MODULUS, 0.0).map_err(|e| SystemError::Factor(e.to_string()))?;
     let (around, _) = batch(&Batch {
         shape: BatchShape::PlanarTriangles,
         positions: &[],

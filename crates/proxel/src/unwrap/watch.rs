@@ -1,9 +1,12 @@
 //! What a caller hears of a run, and says to it.
 
-use proxel_split::{Method, Status, StepReport, Stop, Verdict};
+use super::flat::{Flat, flips, symmetric_dirichlet};
+use super::order::Order;
+use super::problem::MODULUS;
+use proxel_split::{Method, Observer, Status, StepReport, Stop, Verdict};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 pub use crate::deform::Progress;
 
@@ -90,5 +93,46 @@ impl Stop for TimeLimit {
         let limit = self.limit?;
         (self.began.elapsed().as_secs_f64() >= limit)
             .then(|| Verdict { status: Status::Stopped, reason: format!("{limit} seconds are over (--time-limit)") })
+    }
+}
+
+/// Feeds the hooks; keeps the rows of the trace.
+pub(super) struct Watcher<'a, 'b, 'c> {
+    pub chart: &'a Flat<'c>,
+    pub order: &'a Order,
+    pub hooks: &'a mut Hooks<'b>,
+    pub began: Instant,
+    pub watching: Duration, // time spent on what only the hooks need
+    pub rows: Vec<MapRow>,
+}
+
+impl Observer for Watcher<'_, '_, '_> {
+    fn observe(&mut self, method: &mut dyn Method, report: &StepReport) {
+        let now = Instant::now();
+        let seconds = (now - self.began).saturating_sub(self.watching).as_secs_f64();
+        if let Some(progress) = self.hooks.progress.as_deref_mut() {
+            let energy = method.energy();
+            let value = 1.0 + energy.value / MODULUS;
+            progress(&Progress { iteration: report.iteration, seconds, energy: value, inverted: energy.inverted });
+        }
+        if self.hooks.traced {
+            let evaluation = method.evaluate();
+            let uv = self.order.user(method.x());
+            let residuals = method.residuals();
+            self.rows.push(MapRow {
+                iteration: report.iteration,
+                seconds,
+                energy: symmetric_dirichlet(self.chart, &uv),
+                gradient_norm: evaluation.gradient_norm / MODULUS,
+                primal_residual: residuals.primal,
+                dual_residual: residuals.dual,
+                inner: report.inner,
+                refactorised: report.refactorised,
+                accepted: report.accepted,
+                flips: flips(self.chart.triangles, &uv) as u64,
+                energy_z: 1.0 + report.energy_z / MODULUS,
+            });
+        }
+        self.watching += now.elapsed();
     }
 }

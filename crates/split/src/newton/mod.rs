@@ -61,7 +61,7 @@ pub struct NewtonSettings {
     /// Part of the mean diagonal that is added where the Hessian is factored, and only there: what keeps a motion that
     /// costs nothing, as a rotation of the whole, from spoiling the factor.
     pub shift: f64,
-    /// Whether no step is longer than the part [`FEASIBLE`] of what inverts the first element.
+    /// Whether no step is longer than 0.8 of what inverts the first element.
     pub guarded: bool,
 }
 

@@ -1,8 +1,14 @@
 //! The splitting first, then Newton: [`Auto`], and the rule that says when.
 
+mod gains;
+mod price;
+
+pub use gains::Gains;
+pub use price::{Price, solver_for};
+
 use crate::{
-    Admm, AdmmSettings, EnergyReport, Evaluation, FactorCost, Hessian, LinearSolver, Method, Newton, NewtonSettings,
-    NormalMatrix, Problem, Projection, ProjectionRule, Relax, Residuals, StepReport, SystemError, Untangle,
+    Admm, AdmmSettings, EnergyReport, Evaluation, Hessian, LinearSolver, Method, Newton, NewtonSettings, NormalMatrix,
+    Problem, Projection, ProjectionRule, Relax, Residuals, StepReport, SystemError, Untangle,
 };
 
 /// Settings of [`Auto`].
@@ -23,57 +29,6 @@ pub struct AutoSettings {
     pub patience: usize,
     /// Iterations of the splitting after Newton has failed the first time; twice as many each further time.
     pub retreat: usize,
-}
-
-/// What an iteration of Newton costs in iterations of the splitting, counted, not timed, so that a run is the same on any
-/// machine. Measured on nine models of 20,000 to 100,000 tetrahedra: an element costs the splitting 0.28 microseconds of a
-/// core an iteration, and Newton 0.6 besides its linear solver; a factorisation runs at 67 billion operations a second
-/// and core, and conjugate gradients read 6 billion bytes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Price {
-    /// With a factor.
-    pub factor: f64,
-    /// With conjugate gradients.
-    pub gradients: f64,
-}
-
-/// Seconds of a core that an iteration of the splitting spends on an element.
-const SPLITTING: f64 = 0.28e-6;
-/// And Newton, besides its linear solver.
-const ASSEMBLY: f64 = 0.6e-6;
-/// Seconds a floating-point operation of a factorisation.
-const FLOP: f64 = 1.5e-11;
-/// Seconds a byte that conjugate gradients read.
-const BYTE: f64 = 1.0 / 6e9;
-/// Conjugate-gradient steps of a typical iteration.
-const STEPS: f64 = 50.0;
-
-impl Price {
-    /// For a problem with that many elements, a Hessian of `blocks` blocks of `dim` x `dim`, and a normal matrix whose
-    /// factor has `entries` entries.
-    pub fn new(elements: usize, blocks: usize, dim: usize, entries: f64, cost: &FactorCost) -> Self {
-        let iteration = SPLITTING * elements.max(1) as f64;
-        let assembly = ASSEMBLY / SPLITTING;
-        // A step reads the factor twice, and each block for its row and its column.
-        let step = BYTE * 16.0 * (entries + (blocks * dim * dim) as f64);
-        Price { factor: assembly + FLOP * cost.flops / iteration, gradients: assembly + STEPS * step / iteration }
-    }
-
-    fn of(problem: &Problem, normal: &NormalMatrix) -> (Self, FactorCost) {
-        let elements = problem.terms.iter().map(|term| term.n_elems()).sum();
-        let cost = FactorCost::of(normal, problem.dim);
-        let entries = normal.symbolic().factor_nnz() as f64;
-        (Price::new(elements, normal.matrix().0.nnz(), problem.dim, entries, &cost), cost)
-    }
-}
-
-/// How Newton's systems are solved: with a factor where it fits the memory and costs less.
-pub fn solver_for(price: &Price, cost: &FactorCost, memory: f64) -> LinearSolver {
-    if cost.bytes <= memory && price.factor <= price.gradients {
-        LinearSolver::Factor
-    } else {
-        LinearSolver::ConjugateGradients
-    }
 }
 
 impl AutoSettings {
@@ -101,51 +56,6 @@ pub struct Parts {
     /// The Hessian as it was assembled and factored last, where it was.
     pub hessian: Option<Hessian>,
 }
-
-/// Says when the splitting has done its part.
-#[derive(Clone, Debug, Default)]
-pub struct Gains {
-    first: Option<f64>,
-    last: Vec<f64>, // energies of the last iterations, oldest first
-}
-
-impl Gains {
-    /// Takes the energy after an iteration. True where the last `window` iterations gained less, each, than `gain` / `price`
-    /// of all that was gained so far, unless gains fall so fast that the splitting will be there before Newton. While the
-    /// energy rises nothing is said: the splitting is on its way over a hill.
-    pub fn are_small(&mut self, energy: f64, price: f64, settings: &AutoSettings) -> bool {
-        let first = *self.first.get_or_insert(energy);
-        if self.last.len() > settings.window {
-            self.last.remove(0);
-        }
-        self.last.push(energy);
-        let falls = self.last.windows(2).all(|e| e[1] <= e[0]);
-        if self.last.len() <= settings.window || !falls || energy > first {
-            return false;
-        }
-        let mean = (self.last[0] - energy) / settings.window as f64;
-        mean * price <= settings.gain * (first - energy) && self.remaining(first) > price * NEWTON_STEPS
-    }
-
-    /// Iterations that the splitting still needs if its gains go on to shrink by the factor that they shrink by now: so
-    /// many until what is left to gain is [`CLOSE`] of all.
-    fn remaining(&self, first: f64) -> f64 {
-        let gains: Vec<f64> = self.last.windows(2).map(|e| e[0] - e[1]).collect();
-        let [earliest, .., latest] = gains[..] else { return f64::INFINITY };
-        let rate = (latest / earliest).powf(1.0 / (gains.len() - 1) as f64);
-        if rate.is_nan() || rate >= 1.0 {
-            return f64::INFINITY;
-        }
-        let left = latest * rate / (1.0 - rate);
-        (CLOSE * (first - self.last[gains.len()]) / left).ln() / rate.ln()
-    }
-}
-
-/// Iterations of Newton from where it begins to the end, at least.
-const NEWTON_STEPS: f64 = 6.0;
-
-/// What may be left to gain, of all, at the end of a run: a position error of about 1e-5.
-const CLOSE: f64 = 1e-10;
 
 /// One of the two, at work.
 enum Phase {
@@ -478,58 +388,5 @@ impl Method for Auto {
             Phase::Newton(newton, _) => newton.into_problem(),
             Phase::Nothing => self.empty,
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::ProjectionRule;
-
-    fn settings() -> AutoSettings {
-        let newton = NewtonSettings {
-            name: "newton".to_string(),
-            solver: LinearSolver::Factor,
-            projection: ProjectionRule::OnDemand { back_off: 2, blended: false },
-            warp: true,
-            max_inner: 10,
-            memory: 1e9,
-            proximal: 0.0,
-            shift: 0.0,
-            guarded: false,
-        };
-        AutoSettings { newton, eager: false, patience: 3, gain: 0.1, window: 2, longest: 50, retreat: 4 }
-    }
-
-    #[test]
-    fn newton_follows_where_the_splitting_gains_little_for_its_price() {
-        let energies = [100.0, 50.0, 30.0, 20.0, 15.0, 13.4, 12.0, 11.5];
-        let first = |price: f64| {
-            let mut gains = Gains::default();
-            energies.iter().position(|e| gains.are_small(*e, price, &settings()))
-        };
-        // (15 - 12)/2 = 1.5 <= 0.1/5 88 = 1.76, and not yet (20 - 13.4)/2 = 3.3.
-        assert_eq!(first(5.0), Some(6));
-        assert_eq!(first(1.0), Some(4)); // (30 - 15)/2 = 7.5 <= 8.5
-        assert_eq!(first(100.0), None);
-        // Gains that shrink to a tenth each time need no Newton.
-        let mut gains = Gains::default();
-        assert!(!(0..12).any(|k| gains.are_small(0.1_f64.powi(k), 2.0, &settings())));
-        // A rise says nothing, nor does anything above the start.
-        let mut gains = Gains::default();
-        assert!(![10.0, 8.0, 9.0, 8.9, 12.0, 11.9, 11.8].iter().any(|e| gains.are_small(*e, 1.0, &settings())));
-    }
-
-    #[test]
-    fn a_factor_where_it_fits_and_costs_less() {
-        let cost = |flops, bytes| FactorCost { bytes, flops };
-        let solver = |flops, bytes| {
-            let cost = cost(flops, bytes);
-            let price = Price::new(100_000, 200_000, 3, 2e6, &cost);
-            solver_for(&price, &cost, 1e9)
-        };
-        assert_eq!(solver(9e9, 1e8), LinearSolver::Factor);
-        assert_eq!(solver(9e9, 2e9), LinearSolver::ConjugateGradients);
-        assert_eq!(solver(9e12, 1e8), LinearSolver::ConjugateGradients);
     }
 }
