@@ -324,7 +324,7 @@ fn ctrl_c_ends_the_batch_with_the_best_results_and_the_next_run_goes_on() {
     let folder = good("batch-cancel");
     // Endless: it never reaches this tolerance.
     folder.put("in/z.obj", &Surface::patch(60).obj());
-    let words = "batch unwrap in --out uv --jobs 1 --method slim --tol 1e-300 --max-iters 100000000";
+    let words = "batch unwrap in --out uv --jobs 1 --method admm-pd --tol 1e-300 --max-iters 100000000";
     folder.put("list.jsonl", "in/z.obj\nin/a.obj\n");
     let child = folder
         .command(&words.replace(" in ", " list.jsonl "))
@@ -347,7 +347,7 @@ fn ctrl_c_ends_the_batch_with_the_best_results_and_the_next_run_goes_on() {
     assert_eq!((&all[0]["exit_code"], &all[0]["written"]), (&130.into(), &true.into()), "{all:#?}");
     assert!(folder.has("uv/in/z.obj"));
     // What was cancelled is begun again.
-    folder.run("batch unwrap list.jsonl --out uv --method slim --tol 1e-300 --max-iters 2").is(3);
+    folder.run("batch unwrap list.jsonl --out uv --method admm-pd --tol 1e-300 --max-iters 2").is(3);
     assert_eq!(lines(&folder, "uv/results.jsonl").len(), 3);
 }
 

@@ -85,7 +85,8 @@ pub(super) struct ChartMap {
 pub(super) struct Prepared {
     pub order: Order,
     pub start: Start,
-    pub method: Option<Box<dyn Method>>, // none where nothing is free
+    pub method: Option<Box<dyn Method>>, // none where nothing is free, or after a failure
+    pub failure: Option<String>,         // why there is no method: the start is then all there is
 }
 
 /// Makes the start and puts the method together.
@@ -114,13 +115,15 @@ pub(super) fn prepare(
     let order = Order::new(chart, &fixed);
     let problem = problem(chart, &order, &start, input, settings)?;
     if problem.n_free == 0 {
-        return Ok(Prepared { order, start, method: None });
+        return Ok(Prepared { order, start, method: None, failure: None });
     }
     let relaxed = Relaxed::new(chart, &order, input, settings);
     // A map that was found before is near its minimum: nothing is left for the splitting to do.
     let is_near = start.weights == Weights::Given && start.flips == 0 && symmetric_dirichlet(chart, &start.uv) < NEAR;
-    let method = method(problem, relaxed, is_near, settings).map_err(|e| UnwrapError(e.to_string()))?;
-    Ok(Prepared { order, start, method: Some(method) })
+    Ok(match method(problem, relaxed, is_near, settings) {
+        Ok(method) => Prepared { order, start, method: Some(method), failure: None },
+        Err(e) => Prepared { order, start, method: None, failure: Some(e.to_string()) },
+    })
 }
 
 /// A given map of less energy than this is taken for one that was minimised before.
@@ -137,9 +140,14 @@ pub(super) fn solve(
     let Some(chart) = &Flat::new(&input.points, &input.chart.triangles, &input.chart.loops) else {
         return Ok(without_area(input));
     };
-    let Prepared { order, start, method } = prepare(chart, input, settings)?;
+    let Prepared { order, start, method, failure } = prepare(chart, input, settings)?;
     let Some(mut method) = method else {
-        return Ok(ChartMap { uv: in_units(chart, &start.uv, input), ..held(chart, &start.uv) });
+        let mut map = ChartMap { uv: in_units(chart, &start.uv, input), ..held(chart, &start.uv) };
+        if let Some(failure) = failure {
+            map.outcome.status = Status::Failed;
+            map.outcome.reason = format!("{failure}; the map is the one that it would have begun from");
+        }
+        return Ok(map);
     };
     let mut tolerance = tolerance(&start, settings, method.as_mut());
     let reference_gradient = tolerance.reference();

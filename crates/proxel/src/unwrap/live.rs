@@ -70,7 +70,10 @@ impl Live {
             });
         };
         let unit = flat.scale.recip();
-        let Prepared { order, start, method } = chart::prepare(&flat, input, settings)?;
+        let Prepared { order, start, method, failure } = chart::prepare(&flat, input, settings)?;
+        if let Some(failure) = failure {
+            return Err(UnwrapError(failure));
+        }
         let uv = chart::in_units(&flat, &start.uv, input);
         let is_loose = pins.is_empty() && !settings.fixed_boundary;
         let mut live = Live {
