@@ -13,6 +13,7 @@ use crate::batch::BatchCommand;
 use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
 use crate::demo_unwrap::UNWRAP;
+use crate::refusal::Refusal;
 use crate::unwrap::UnwrapArgs;
 
 /// Poses elastic bodies and flattens surfaces: minimises deformation energies under constraints.
@@ -160,6 +161,13 @@ pub struct SolveArgs {
     /// Print all settings with defaults filled in, as JSON, and solve nothing.
     #[arg(long)]
     pub show_settings: bool,
+}
+
+/// Prints all settings, for --show-settings; the exit status.
+pub fn show_settings(settings: &impl serde::Serialize) -> Result<u8, Refusal> {
+    let text = serde_json::to_string_pretty(settings);
+    say!("{}", text.map_err(|e| Refusal::new(format!("the settings cannot be printed: {e}")))?);
+    Ok(0)
 }
 
 /// The command to run; else the exit status, once what clap has to say is said.

@@ -176,9 +176,14 @@ impl TraceRow {
     pub const HEADER: &'static str = "iteration,seconds,energy,gradient_norm,position_error,primal_residual,dual_residual,\
                                       merit,inner,refactorised,accepted,inverted";
 
+    /// A number that always parses: `inf` where it is not finite.
+    pub(crate) fn number(v: f64) -> String {
+        if v.is_finite() { format!("{v:e}") } else { "inf".to_string() }
+    }
+
     /// The row as CSV; numbers always parse, `inf` where undefined.
     pub fn to_csv(&self) -> String {
-        let number = |v: f64| if v.is_finite() { format!("{v:e}") } else { "inf".to_string() };
+        let number = Self::number;
         [
             self.iteration.to_string(),
             number(self.seconds),

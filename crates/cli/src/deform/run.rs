@@ -11,6 +11,7 @@ use proxel::split::Status;
 use proxel_mesh::{Mesh, not_carried, read_mesh, read_points, write_mesh};
 
 use super::{DeformArgs, Outlets, animate};
+use crate::args::show_settings;
 use crate::files::{Outputs, peak_bytes, write_text};
 use crate::interrupt::{CANCELLED, Interrupt};
 use crate::picture;
@@ -49,9 +50,7 @@ pub struct Inputs {
 pub fn run(args: &DeformArgs) -> Result<u8, Refusal> {
     let settings = args.settings()?;
     if args.solve.show_settings {
-        let text = serde_json::to_string_pretty(&settings);
-        say!("{}", text.map_err(|e| Refusal::new(format!("the settings cannot be printed: {e}")))?);
-        return Ok(0);
+        return show_settings(&settings);
     }
     // Clap asks for both unless settings are shown.
     let (Some(rest), Some(out)) = (&args.rest, &args.solve.out) else {

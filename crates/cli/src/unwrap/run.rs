@@ -14,6 +14,7 @@ use proxel_mesh::{Format, Mesh, read_mesh_lenient};
 
 use super::pictures::Pictures;
 use super::{UnwrapArgs, lists};
+use crate::args::show_settings;
 use crate::files::{Outputs, peak_bytes, write_text};
 use crate::interrupt::{CANCELLED, Interrupt};
 use crate::progress::Bar;
@@ -23,9 +24,7 @@ use crate::refusal::Refusal;
 pub fn run(args: &UnwrapArgs) -> Result<u8, Refusal> {
     let settings = args.settings()?;
     if args.solve.show_settings {
-        let text = serde_json::to_string_pretty(&settings);
-        say!("{}", text.map_err(|e| Refusal::new(format!("the settings cannot be printed: {e}")))?);
-        return Ok(0);
+        return show_settings(&settings);
     }
     // Clap asks for both unless settings are shown.
     let (Some(path), Some(out)) = (&args.mesh, &args.solve.out) else {
@@ -155,7 +154,7 @@ impl Job<'_> {
         }
         if let Some(path) = &self.files.trace {
             let lines: Vec<String> = result.rows.iter().map(MapRow::to_csv).collect();
-            write_text(path, &format!("{}\n{}\n", MapRow::HEADER, lines.join("\n")))?;
+            write_text(path, &format!("{}\n{}\n", MapRow::header(), lines.join("\n")))?;
             written.push(path.display().to_string());
         }
         let report = &mut result.report;

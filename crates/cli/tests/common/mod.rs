@@ -1,6 +1,7 @@
 //! Runs the built `proxel` in a folder of its own.
 #![allow(dead_code)] // each test file uses a part
 
+pub mod maps;
 pub mod surface;
 
 use std::path::{Path, PathBuf};

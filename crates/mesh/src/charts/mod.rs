@@ -27,7 +27,7 @@ mod tests;
 
 pub use check::disk_defect;
 pub use relief::{halving_cut, relief_cut};
-pub use split::{Part, shortest_cut, split};
+pub use split::{Part, split};
 
 use edges::Edges;
 use geometry::Metric;

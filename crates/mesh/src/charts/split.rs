@@ -2,7 +2,6 @@
 
 use super::edges::Edges;
 use super::geometry::Metric;
-use super::graph::{Graph, Growth};
 use super::half_edges::{HalfEdges, NONE, sorted};
 use super::{Chart, Charts, Place, emit, places, select};
 use crate::error::{ErrorKind, Item, Result};
@@ -55,37 +54,6 @@ pub fn split(mesh: &Mesh, chart: &Chart, edges: &[[u32; 2]]) -> Result<Vec<Part>
         Part { chart: c, parent }
     };
     Ok(charts.into_iter().map(part).collect())
-}
-
-/// The edges (local vertices, smaller first, ascending) of short cuts that join each of the vertices `to` with the
-/// boundary: the nearest first, by a shortest path to the boundary or to the cuts before it. Creases are preferred.
-///
-/// # Errors
-/// A chart that is none or not of this mesh; a vertex out of range.
-pub fn shortest_cut(mesh: &Mesh, chart: &Chart, to: &[u32]) -> Result<Vec<[u32; 2]>> {
-    let Cells { surface, .. } = cells(mesh, chart)?;
-    let n = chart.vertices.len();
-    in_range(mesh, chart, to)?;
-    let mut waiting = vec![false; n];
-    to.iter().for_each(|&v| waiting[v as usize] = true);
-    let points: Vec<_> = chart.vertices.iter().map(|&v| mesh.points[v as usize]).collect();
-    let metric = Metric::new(&points, 0..n as u32);
-    let graph = Graph::new(&surface, &surface.vertex, n, &metric);
-    let mut growth = Growth::new(n);
-    chart.loops.iter().flatten().for_each(|&v| growth.seed(v));
-    let mut cut = Vec::new();
-    while let Some(t) = growth.run_until(&graph, &graph.cost, |v| waiting[v as usize]) {
-        waiting[t as usize] = false;
-        let path: Vec<u32> = growth.path(&graph, t).collect();
-        for e in path {
-            let [a, b] = graph.ends[e as usize];
-            cut.push(sorted(a, b));
-            growth.seed(a);
-            growth.seed(b);
-        }
-    }
-    cut.sort_unstable();
-    Ok(cut)
 }
 
 pub(super) fn in_range(mesh: &Mesh, chart: &Chart, vertices: &[u32]) -> Result<()> {

@@ -21,6 +21,7 @@ pub use embedded::{Carried, Carrier};
 pub use extras::{Extras, extras};
 pub use live::{Deformer, Frame};
 pub use skin::Skin;
+pub(crate) use watch::TimeLimit;
 pub use watch::{Hooks, Progress};
 
 use crate::pins::HalfSpace;

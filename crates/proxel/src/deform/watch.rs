@@ -82,7 +82,7 @@ impl Observer for Watcher<'_, '_> {
 }
 
 /// Stops after a wall time.
-pub(super) struct TimeLimit {
+pub(crate) struct TimeLimit {
     began: Instant,
     limit: Option<f64>,
 }

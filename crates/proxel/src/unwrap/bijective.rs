@@ -168,7 +168,15 @@ impl<'a, 'b> Run<'a, 'b> {
         let normal = NormalMatrix::new(&problem)?;
         let (x, iteration) = (problem.x0.clone(), self.map.outcome.iterations);
         let mut newton = Newton::resume(problem, normal, x, self.steps(), iteration)?;
-        let mut watcher = Watcher { chart, order: &order, hooks, began: clock.0, watching: clock.1, rows: Vec::new() };
+        let mut watcher = Watcher {
+            chart,
+            settings: self.settings,
+            order: &order,
+            hooks,
+            began: clock.0,
+            watching: clock.1,
+            rows: Vec::new(),
+        };
         let mut cancel = Cancel(watcher.hooks.cancel.clone());
         let mut time = TimeLimit::new(began, self.settings.time_limit);
         let mut limit = IterationLimit(self.settings.max_iters);

@@ -3,7 +3,7 @@
 use super::flat::{Flat, best_scale, flips, symmetric_dirichlet};
 use super::order::{Order, middle};
 use super::pins::similarity;
-use super::problem::{MODULUS, Relaxed, method, problem};
+use super::problem::{MODULUS, Relaxed, local_energy, method, problem};
 use super::start::{Start, Weights, start};
 use super::watch::{TimeLimit, Watcher};
 use super::{Hooks, MapRow, UnwrapError, UnwrapInput};
@@ -117,10 +117,11 @@ pub(super) fn prepare(
     if problem.n_free == 0 {
         return Ok(Prepared { order, start, method: None, failure: None });
     }
-    let relaxed = Relaxed::new(chart, &order, input, settings);
+    let relaxed = || Relaxed::new(chart, &order, input, settings);
     // A map that was found before is near its minimum: nothing is left for the splitting to do.
     let is_near = start.weights == Weights::Given && start.flips == 0 && symmetric_dirichlet(chart, &start.uv) < NEAR;
-    Ok(match method(problem, relaxed, is_near, settings) {
+    let made = method(problem, relaxed, is_near, settings);
+    Ok(match made {
         Ok(method) => Prepared { order, start, method: Some(method), failure: None },
         Err(e) => Prepared { order, start, method: None, failure: Some(e.to_string()) },
     })
@@ -156,7 +157,7 @@ pub(super) fn solve(
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = TimeLimit::new(began, settings.time_limit);
     let mut watcher =
-        Watcher { chart, order: &order, hooks, began: entered, watching: Duration::ZERO, rows: Vec::new() };
+        Watcher { chart, settings, order: &order, hooks, began: entered, watching: Duration::ZERO, rows: Vec::new() };
     let mut stops: [&mut dyn Stop; 5] = [&mut tolerance, &mut cancel, &mut time, &mut limit, &mut stuck];
     let outcome = proxel_split::run(method.as_mut(), &mut stops, &mut watcher);
     let rows = watcher.rows;
@@ -176,7 +177,7 @@ pub(super) fn solve(
     }
     Ok(ChartMap {
         uv: in_units(chart, &flat, input),
-        energy_z: 1.0 + outcome.last.energy_z / MODULUS,
+        energy_z: local_energy(settings, outcome.last.energy_z),
         outcome,
         gradient_norm: gradient_norm / MODULUS,
         reference_gradient: reference_gradient / MODULUS,
@@ -237,33 +238,30 @@ pub(super) fn in_units(chart: &Flat<'_>, flat: &[[f64; 2]], input: &ChartInput<'
 
 /// A map that is as it is, with nothing to solve.
 fn held(chart: &Flat<'_>, flat: &[[f64; 2]]) -> ChartMap {
+    let unit = chart.scale.recip();
     ChartMap {
-        uv: Vec::new(),
-        outcome: finished("nothing of the map is free"),
         energy: symmetric_dirichlet(chart, flat),
-        energy_z: f64::INFINITY,
-        gradient_norm: 0.0,
-        reference_gradient: 1.0,
-        residuals: Residuals { primal: 0.0, dual: 0.0 },
-        factor_bytes: 0,
-        area: chart.scale.recip() * chart.scale.recip(),
-        rows: Vec::new(),
-        degenerate: chart.degenerate.len(),
+        area: unit * unit,
+        ..unsolved("nothing of the map is free", chart.degenerate.len())
     }
 }
 
 /// A chart whose triangles all lack an area goes to the circle, as small as it is.
 fn without_area(input: &ChartInput<'_>) -> ChartMap {
-    let n = input.chart.triangles.len();
     let outer = input.chart.loops.first().map_or(&[][..], |l| l);
     let mut uv = vec![[0.0; 2]; input.points.len()];
     for (k, v) in outer.iter().enumerate() {
         let angle = 2.0 * std::f64::consts::PI * k as f64 / outer.len() as f64;
         uv[*v as usize] = [angle.cos(), angle.sin()];
     }
+    ChartMap { uv, ..unsolved("a chart without area has no best map", input.chart.triangles.len()) }
+}
+
+/// No map yet, and nothing to be done about it.
+fn unsolved(reason: &str, degenerate: usize) -> ChartMap {
     ChartMap {
-        uv,
-        outcome: finished("a chart without area has no best map"),
+        uv: Vec::new(),
+        outcome: finished(reason),
         energy: 1.0,
         energy_z: f64::INFINITY,
         gradient_norm: 0.0,
@@ -272,7 +270,7 @@ fn without_area(input: &ChartInput<'_>) -> ChartMap {
         factor_bytes: 0,
         area: 0.0,
         rows: Vec::new(),
-        degenerate: n,
+        degenerate,
     }
 }
 

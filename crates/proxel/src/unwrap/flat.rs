@@ -117,18 +117,23 @@ pub fn best_scale(chart: &Flat<'_>, uv: &[[f64; 2]]) -> f64 {
     if factor.is_finite() && factor > 0.0 { factor } else { (2.0 / square).sqrt().clamp(f64::MIN_POSITIVE, f64::MAX) }
 }
 
+/// The columns of J = [q - p, r - p] [[a, b], [0, d]]^-1, of the map from a triangle with these edges (as columns) to these
+/// corners.
+pub(super) fn jacobian([[a, b], [_, d]]: [[f64; 2]; 2], [p, q, r]: [[f64; 2]; 3]) -> [[f64; 2]; 2] {
+    let first = [(q[0] - p[0]) / a, (q[1] - p[1]) / a];
+    let second = [(r[0] - p[0] - b * first[0]) / d, (r[1] - p[1] - b * first[1]) / d];
+    [first, second]
+}
+
 /// sum A |J|^2, sum A |J^-1|^2, sum A.
 fn sums(chart: &Flat<'_>, uv: &[[f64; 2]]) -> [f64; 3] {
     let of_chunk = |c: usize| {
         let range = c * CHUNK..((c + 1) * CHUNK).min(chart.triangles.len());
         let mut sums = [0.0; 3];
         for t in range.filter(|t| chart.counts(*t)) {
-            let [[a, b], [_, d]] = chart.shapes[t];
-            let [p, q, r] = chart.triangles[t].map(|v| uv[v as usize]);
-            let area = 0.5 * a * d;
-            // J = [q - p, r - p] [[a, b], [0, d]]^-1
-            let first = [(q[0] - p[0]) / a, (q[1] - p[1]) / a];
-            let second = [(r[0] - p[0] - b * first[0]) / d, (r[1] - p[1] - b * first[1]) / d];
+            let shape = chart.shapes[t];
+            let area = 0.5 * shape[0][0] * shape[1][1];
+            let [first, second] = jacobian(shape, chart.triangles[t].map(|v| uv[v as usize]));
             let square = first[0] * first[0] + first[1] * first[1] + second[0] * second[0] + second[1] * second[1];
             let det = first[0] * second[1] - first[1] * second[0];
             sums[0] += area * square;

@@ -4,7 +4,7 @@ use super::assemble::{self, Laid};
 use super::chart::{self, ChartInput, Prepared};
 use super::flat::Flat;
 use super::order::Order;
-use super::problem::MODULUS;
+use super::problem::shown;
 use super::{UnwrapError, UnwrapInput, cut, pool};
 use crate::settings::UnwrapSettings;
 use proxel_mesh::charts::Charts;
@@ -27,8 +27,8 @@ pub struct Unwrapper {
 pub struct Standing {
     /// Steps so far.
     pub iteration: usize,
-    /// The normalised symmetric Dirichlet energy, 1 at an isometry: the area-weighted mean over charts; infinite while
-    /// triangles are flipped.
+    /// The normalised symmetric Dirichlet energy, 1 at an isometry, or another energy as it is: the area-weighted mean over
+    /// charts; infinite while triangles are flipped.
     pub energy: f64,
     /// Triangles that are flipped.
     pub flips: u64,
@@ -124,11 +124,12 @@ impl Unwrapper {
     /// Cuts the surface, makes the start and puts the methods together.
     ///
     /// # Errors
-    /// As [`unwrap`](super::unwrap), and settings that need more than steps: `bijective`.
+    /// As [`unwrap`](super::unwrap), and settings that need more than steps: `bijective`, `max_stretch`.
     pub fn new(input: UnwrapInput, settings: UnwrapSettings) -> Result<Self, UnwrapError> {
         settings.check().map_err(UnwrapError)?;
-        if settings.bijective {
-            return Err(UnwrapError("maps without overlaps are made in one call; use unwrap".to_string()));
+        if settings.bijective || settings.max_stretch.is_some() {
+            let what = "maps without overlaps or with a bound on stretch are made in one call; use unwrap";
+            return Err(UnwrapError(what.to_string()));
         }
         let pool = pool(&settings)?;
         let (charts, live) = pool.install(|| -> Result<_, UnwrapError> {
@@ -181,7 +182,7 @@ impl Unwrapper {
         let (mut energy, mut area, mut flips, mut open) = (0.0, 0.0, 0, 0);
         for chart in self.live.iter().filter(|chart| chart.method.is_some()) {
             let own = chart.unit * chart.unit;
-            energy += own * (1.0 + chart.state.energy.value / MODULUS);
+            energy += own * shown(&self.settings, chart.state.energy.value);
             area += own;
             flips += chart.state.energy.inverted;
             open += usize::from(chart.is_open);

@@ -143,12 +143,12 @@ fn unwrap_here(
         Some(bound) => stretch::bound(bound, input, &mut charts, &mut maps, settings, hooks, began)?,
         None => stretch::Bounded::default(),
     };
-    let inputs = chart::inputs(input, &charts)?;
-    let laid: Vec<Laid<'_>> = maps
-        .iter()
-        .zip(&inputs)
-        .map(|(map, input)| Laid { uv: &map.uv, area: map.area, held: !input.pins.is_empty() })
-        .collect();
+    let held = pins::pinned(input, &charts);
+    let lay = |(map, held): (_, &bool)| -> Laid<'_> {
+        let map: &ChartMap = map;
+        Laid { uv: &map.uv, area: map.area, held: *held }
+    };
+    let laid: Vec<Laid<'_>> = maps.iter().zip(&held).map(lay).collect();
     let placed = assemble::place(mesh, &charts, &laid, settings)?;
     let rows = assemble::rows(&maps, cutting);
     let (status, reason) = verdict(&maps);
@@ -211,6 +211,19 @@ fn finite(v: f64) -> Option<f64> {
     v.is_finite().then_some(v)
 }
 
+/// The map of a chart, as the settings want it.
+fn solve(
+    input: &ChartInput<'_>,
+    settings: &UnwrapSettings,
+    hooks: &mut Hooks<'_>,
+    began: Instant,
+) -> Result<ChartMap, UnwrapError> {
+    match settings.bijective {
+        true => bijective::solve(input, settings, hooks, began),
+        false => chart::solve(input, settings, hooks, began),
+    }
+}
+
 /// Large charts one after another, then small ones side by side; the results do not depend on that.
 fn solve_all(
     inputs: &[ChartInput<'_>],
@@ -219,7 +232,6 @@ fn solve_all(
     began: Instant,
 ) -> Result<Vec<ChartMap>, UnwrapError> {
     let (traced, cancel) = (hooks.traced, hooks.cancel.clone());
-    let solve = if settings.bijective { bijective::solve } else { chart::solve };
     let is_small = |input: &ChartInput<'_>| input.chart.triangles.len() < SMALL && inputs.len() > 1;
     let mut maps: Vec<Option<Result<ChartMap, UnwrapError>>> = inputs.iter().map(|_| None).collect();
     for (map, input) in maps.iter_mut().zip(inputs).filter(|(_, input)| !is_small(input)) {

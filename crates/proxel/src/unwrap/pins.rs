@@ -1,7 +1,8 @@
 //! What holds a map: vertices at places, weights of faces.
 
-use super::UnwrapError;
+use super::{UnwrapError, UnwrapInput};
 use proxel_mesh::Mesh;
+use proxel_mesh::charts::{Chart, Charts};
 
 /// One positive number for each face.
 pub(super) fn check_weights(mesh: &Mesh, weights: &[f64]) -> Result<(), UnwrapError> {
@@ -20,6 +21,18 @@ pub(super) fn check_weights(mesh: &Mesh, weights: &[f64]) -> Result<(), UnwrapEr
         ))),
         None => Ok(()),
     }
+}
+
+/// Which charts hold a pinned vertex.
+pub(super) fn pinned(input: &UnwrapInput, charts: &Charts) -> Vec<bool> {
+    let mut is_pinned = vec![false; if input.pins.is_empty() { 0 } else { input.mesh.n_verts() }];
+    for (v, _) in &input.pins {
+        if let Some(p) = is_pinned.get_mut(*v as usize) {
+            *p = true;
+        }
+    }
+    let holds = |chart: &Chart| chart.vertices.iter().any(|&v| is_pinned.get(v as usize) == Some(&true));
+    charts.charts.iter().map(holds).collect()
 }
 
 /// The similarity p -> m p + offset, m = [[a, -b], [b, a]], that brings points nearest to their targets (least squares);

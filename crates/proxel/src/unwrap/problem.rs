@@ -17,6 +17,20 @@ use std::sync::Arc;
 /// Weights, moduli: symmetric Dirichlet with the stiffness 8 at rest, s^2 + s^-2 - 2 for each stretch, is that of mu = 4.
 pub(super) const MODULUS: f64 = 4.0;
 
+/// The objective as users see it: the normalised symmetric Dirichlet energy; another energy as it is.
+pub(super) fn shown(settings: &UnwrapSettings, value: f64) -> f64 {
+    if is_symmetric_dirichlet(settings) { 1.0 + value / MODULUS } else { value }
+}
+
+/// The normalised symmetric Dirichlet energy of the local variable, from sum g(z); infinite where g is another energy.
+pub(super) fn local_energy(settings: &UnwrapSettings, value: f64) -> f64 {
+    if is_symmetric_dirichlet(settings) { shown(settings, value) } else { f64::INFINITY }
+}
+
+fn is_symmetric_dirichlet(settings: &UnwrapSettings) -> bool {
+    settings.energy == <SymmetricDirichlet as Energy<2>>::NAME
+}
+
 /// The problem of a chart.
 pub(super) fn problem(
     chart: &Flat<'_>,
@@ -82,7 +96,7 @@ pub(super) struct Relaxed {
 impl Relaxed {
     /// None where the energy has no relaxed form, or needs none.
     pub fn new(chart: &Flat<'_>, order: &Order, input: &ChartInput<'_>, settings: &UnwrapSettings) -> Option<Self> {
-        (settings.energy == <SymmetricDirichlet as Energy<2>>::NAME).then(|| Relaxed {
+        is_symmetric_dirichlet(settings).then(|| Relaxed {
             shapes: chart.shapes.clone(),
             centers: centers(chart),
             elements: order.elements(chart),
@@ -118,7 +132,7 @@ impl Relax for Relaxed {
 /// Puts the method together: parts, no special cases.
 pub(super) fn method(
     problem: Problem,
-    relaxed: Option<Relaxed>,
+    relaxed: impl FnOnce() -> Option<Relaxed>,
     is_near: bool,
     settings: &UnwrapSettings,
 ) -> Result<Box<dyn Method>, SystemError> {
@@ -150,7 +164,7 @@ pub(super) fn method(
                     } else {
                         Auto::new(text, admm, settings.auto())
                     };
-                    Box::new(match relaxed {
+                    Box::new(match relaxed() {
                         Some(relaxed) => auto.with_relaxation(Box::new(relaxed)),
                         None => auto,
                     })

@@ -4,9 +4,10 @@
 //! first and kept where it takes away half of the excess. Elsewhere the chart is parted in two through the worst
 //! place: each half has about half of the curvature. Maps of the parts begin with that of the whole.
 
-use super::chart::{self, ChartInput, ChartMap};
-use super::flat::Flat;
-use super::{Hooks, SMALL, UnwrapError, UnwrapInput, bijective};
+use super::chart::{ChartInput, ChartMap};
+use super::flat::{Flat, jacobian};
+use super::pins::pinned;
+use super::{Hooks, SMALL, UnwrapError, UnwrapInput};
 use crate::settings::UnwrapSettings;
 use proxel_mesh::charts::{Chart, Charts, Part, halving_cut, relief_cut, split};
 use rayon::prelude::*;
@@ -89,18 +90,6 @@ pub(super) fn bound(
         }
     }
     Ok(out)
-}
-
-/// Which charts hold a pinned vertex.
-fn pinned(input: &UnwrapInput, charts: &Charts) -> Vec<bool> {
-    let mut is_pinned = vec![false; if input.pins.is_empty() { 0 } else { input.mesh.n_verts() }];
-    for (v, _) in &input.pins {
-        if let Some(p) = is_pinned.get_mut(*v as usize) {
-            *p = true;
-        }
-    }
-    let holds = |chart: &Chart| chart.vertices.iter().any(|&v| is_pinned.get(v as usize) == Some(&true));
-    charts.charts.iter().map(holds).collect()
 }
 
 struct Job<'a> {
@@ -201,10 +190,7 @@ impl Job<'_> {
                 pins: Vec::new(),
                 weights: self.input.weights.as_ref().map(|w| chart.faces.iter().map(|&f| w[f as usize]).collect()),
             };
-            let map = match self.settings.bijective {
-                true => bijective::solve(&input, self.settings, hooks, self.began)?,
-                false => chart::solve(&input, self.settings, hooks, self.began)?,
-            };
+            let map = super::solve(&input, self.settings, hooks, self.began)?;
             let strain = self.strain(&chart, &map);
             Ok::<_, UnwrapError>(Piece { chart, map, strain })
         };
@@ -248,13 +234,11 @@ fn is_whole(parts: &[Part]) -> bool {
 
 /// max(s1, 1 / s2) of the map from a triangle with these edges (as columns) to these corners, and its rest area.
 /// Infinite where it is flipped.
-fn stretch([[a, b], [_, d]]: [[f64; 2]; 2], [p, q, r]: [[f64; 2]; 3]) -> (f64, f64) {
-    // J = [q - p, r - p] [[a, b], [0, d]]^-1 by columns.
-    let first = [(q[0] - p[0]) / a, (q[1] - p[1]) / a];
-    let second = [(r[0] - p[0] - b * first[0]) / d, (r[1] - p[1] - b * first[1]) / d];
+fn stretch(shape: [[f64; 2]; 2], corners: [[f64; 2]; 3]) -> (f64, f64) {
+    let [first, second] = jacobian(shape, corners);
     let det = first[0] * second[1] - first[1] * second[0];
     let s1 =
         0.5 * ((first[0] + second[1]).hypot(first[1] - second[0]) + (first[0] - second[1]).hypot(first[1] + second[0]));
     let stretch = if det > 0.0 { s1.max(s1 / det) } else { f64::INFINITY };
-    (stretch, 0.5 * a * d)
+    (stretch, 0.5 * shape[0][0] * shape[1][1])
 }

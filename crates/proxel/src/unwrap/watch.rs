@@ -2,13 +2,16 @@
 
 use super::flat::{Flat, flips, symmetric_dirichlet};
 use super::order::Order;
-use super::problem::MODULUS;
-use proxel_split::{Method, Observer, Status, StepReport, Stop, Verdict};
+use super::problem::{MODULUS, local_energy, shown};
+use crate::report::TraceRow;
+use crate::settings::UnwrapSettings;
+use proxel_split::{Method, Observer, StepReport};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 pub use crate::deform::Progress;
+pub(super) use crate::deform::TimeLimit;
 
 /// What the caller wants to hear and say while a run goes on.
 #[derive(Default)]
@@ -44,61 +47,40 @@ pub struct MapRow {
     pub accepted: bool,
     /// Triangles without positive area.
     pub flips: u64,
-    /// The energy of the local variable; infinite where there is none.
+    /// The normalised energy of the local variable; infinite where there is none, or where another energy is minimised.
     pub energy_z: f64,
 }
 
 impl MapRow {
-    /// The header of the CSV file.
-    pub const HEADER: &'static str = "iteration,seconds,energy,gradient_norm,position_error,primal_residual,dual_residual,\
-                                      merit,inner,refactorised,accepted,inverted,flips,energy_z";
+    /// The header of the CSV file: that of every command, and what maps have besides.
+    pub fn header() -> String {
+        format!("{},flips,energy_z", TraceRow::HEADER)
+    }
 
     /// The row as CSV; numbers always parse, `inf` where undefined.
     pub fn to_csv(&self) -> String {
-        let number = |v: f64| if v.is_finite() { format!("{v:e}") } else { "inf".to_string() };
-        [
-            self.iteration.to_string(),
-            number(self.seconds),
-            number(self.energy),
-            number(self.gradient_norm),
-            "inf".to_string(),
-            number(self.primal_residual),
-            number(self.dual_residual),
-            "inf".to_string(),
-            self.inner.to_string(),
-            u8::from(self.refactorised).to_string(),
-            u8::from(self.accepted).to_string(),
-            self.flips.to_string(),
-            self.flips.to_string(),
-            number(self.energy_z),
-        ]
-        .join(",")
-    }
-}
-
-/// Stops after a wall time.
-pub(super) struct TimeLimit {
-    began: Instant,
-    limit: Option<f64>,
-}
-
-impl TimeLimit {
-    pub fn new(began: Instant, limit: Option<f64>) -> Self {
-        TimeLimit { began, limit }
-    }
-}
-
-impl Stop for TimeLimit {
-    fn check(&mut self, _: &mut dyn Method, _: &StepReport) -> Option<Verdict> {
-        let limit = self.limit?;
-        (self.began.elapsed().as_secs_f64() >= limit)
-            .then(|| Verdict { status: Status::Stopped, reason: format!("{limit} seconds are over (--time-limit)") })
+        let row = TraceRow {
+            iteration: self.iteration,
+            seconds: self.seconds,
+            energy: self.energy,
+            gradient_norm: self.gradient_norm,
+            position_error: f64::INFINITY,
+            primal_residual: self.primal_residual,
+            dual_residual: self.dual_residual,
+            merit: f64::INFINITY,
+            inner: self.inner,
+            refactorised: self.refactorised,
+            accepted: self.accepted,
+            inverted: self.flips,
+        };
+        format!("{},{},{}", row.to_csv(), self.flips, TraceRow::number(self.energy_z))
     }
 }
 
 /// Feeds the hooks; keeps the rows of the trace.
 pub(super) struct Watcher<'a, 'b, 'c> {
     pub chart: &'a Flat<'c>,
+    pub settings: &'a UnwrapSettings,
     pub order: &'a Order,
     pub hooks: &'a mut Hooks<'b>,
     pub began: Instant,
@@ -112,8 +94,12 @@ impl Observer for Watcher<'_, '_, '_> {
         let seconds = (now - self.began).saturating_sub(self.watching).as_secs_f64();
         if let Some(progress) = self.hooks.progress.as_deref_mut() {
             let energy = method.energy();
-            let value = 1.0 + energy.value / MODULUS;
-            progress(&Progress { iteration: report.iteration, seconds, energy: value, inverted: energy.inverted });
+            progress(&Progress {
+                iteration: report.iteration,
+                seconds,
+                energy: shown(self.settings, energy.value),
+                inverted: energy.inverted,
+            });
         }
         if self.hooks.traced {
             let evaluation = method.evaluate();
@@ -130,7 +116,7 @@ impl Observer for Watcher<'_, '_, '_> {
                 refactorised: report.refactorised,
                 accepted: report.accepted,
                 flips: flips(self.chart.triangles, &uv) as u64,
-                energy_z: 1.0 + report.energy_z / MODULUS,
+                energy_z: local_energy(self.settings, report.energy_z),
             });
         }
         self.watching += now.elapsed();

@@ -185,15 +185,11 @@ impl Auto {
     }
 
     fn enter_newton(&mut self) -> Result<(), SystemError> {
-        let inverted = self.energy().inverted;
+        let begins_anew = self.problem().barrier && self.energy().inverted > 0 && self.is_start_fair();
         if let Phase::Splitting(admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
-            let (mut problem, normal, mut x, admm) = admm.into_parts();
-            if problem.barrier && inverted > 0 {
-                let start = std::mem::take(&mut problem.x0);
-                if problem.energy(&start, None).inverted == 0 {
-                    x.copy_from_slice(&start);
-                }
-                problem.x0 = start;
+            let (problem, normal, mut x, admm) = admm.into_parts();
+            if begins_anew {
+                x.copy_from_slice(&problem.x0);
             }
             let newton = Newton::resume(problem, normal, x, self.settings.newton.clone(), self.iteration)?;
             self.phase = Phase::Newton(Box::new(newton), admm);
@@ -224,6 +220,7 @@ impl Auto {
         self.enter_untangling()
     }
 
+    /// Whether nothing is inverted at the start of the problem.
     fn is_start_fair(&mut self) -> bool {
         let Phase::Splitting(admm) = &mut self.phase else { return false };
         let problem = admm.problem_mut();

@@ -17,6 +17,12 @@ pub struct Hessian {
     scratch: SolveScratch,
 }
 
+/// The entries of the true Hessian and of the clamped one at the same place.
+pub struct Both {
+    exact: Vec<f64>,
+    clamped: Vec<f64>,
+}
+
 /// What factoring the Hessian of a problem would take, known from the analysis of the normal matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FactorCost {
@@ -125,18 +131,22 @@ impl Hessian {
         Ok(())
     }
 
-    /// (1 - part) of the true Hessian at x plus part of the clamped one.
+    /// The true Hessian at x and the clamped one, for [`Self::blend`].
     ///
     /// # Errors
     /// As [`Self::assemble`].
-    pub fn assemble_blend(&mut self, problem: &mut Problem, x: &[f64], part: f64) -> Result<(), SystemError> {
+    pub fn assemble_both(&mut self, problem: &mut Problem, x: &[f64]) -> Result<Both, SystemError> {
         self.assemble(problem, x, Projection::None)?;
         let exact = self.matrix.values().to_vec();
         self.assemble(problem, x, Projection::Clamp)?;
-        for (value, exact) in self.matrix.values_mut().iter_mut().zip(&exact) {
-            *value = part * *value + (1.0 - part) * exact;
+        Ok(Both { exact, clamped: self.matrix.values().to_vec() })
+    }
+
+    /// The matrix becomes (1 - part) of the true Hessian plus part of the clamped one.
+    pub fn blend(&mut self, both: &Both, part: f64) {
+        for ((value, exact), clamped) in self.matrix.values_mut().iter_mut().zip(&both.exact).zip(&both.clamped) {
+            *value = part * clamped + (1.0 - part) * exact;
         }
-        Ok(())
     }
 
     fn add_potentials(&mut self, problem: &Problem, x: &[f64]) {

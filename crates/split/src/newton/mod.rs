@@ -278,8 +278,9 @@ impl Newton {
     /// With the mean of the true and the clamped Hessian; none where that takes more of the clamped one than it is worth.
     fn by_blend(&mut self, tolerance: f64) -> Result<Option<CgReport>, SystemError> {
         let mut part = (self.blend * LESS).max(LEAST_BLEND);
+        let both = self.hessian.assemble_both(&mut self.problem, &self.x)?;
         while part < 1.0 {
-            self.hessian.assemble_blend(&mut self.problem, &self.x, part)?;
+            self.hessian.blend(&both, part);
             self.hessian.add_to_diagonal(self.settings.proximal);
             self.factorisations += 1;
             if self.hessian.factor(&self.normal, self.settings.shift)? {

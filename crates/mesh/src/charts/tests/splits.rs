@@ -1,7 +1,5 @@
 //! Charts that are cut further.
 
-use std::collections::BTreeSet;
-
 use super::shapes::*;
 use super::*;
 
@@ -57,26 +55,10 @@ fn nonsense_is_refused() {
     // A diagonal is no edge.
     assert!(text(split(&quads, chart, &[[0, 4]]).unwrap_err()).contains("vertices 0 and 4"));
     assert!(split(&quads, chart, &[[0, 99]]).is_err());
-    assert!(shortest_cut(&quads, chart, &[99]).is_err());
     let mut broken = chart.clone();
     broken.triangles.swap(0, 3);
     assert!(split(&quads, &broken, &[]).is_err());
     broken.triangles.pop();
     assert!(split(&quads, &broken, &[]).is_err());
     assert!(charted(&quads).split(&quads, 1, &[]).is_err());
-}
-
-#[test]
-fn shortest_cuts_reach_their_vertices() {
-    let cloth = crate::generate::cloth([8, 8], [1.0, 1.0]).unwrap();
-    let chart = charted(&cloth).charts.remove(0);
-    // Two edges from the border to vertex 20, two diagonals from there to 40, one to 41.
-    let cut = shortest_cut(&cloth, &chart, &[20, 40, 41]).unwrap();
-    let ends: BTreeSet<u32> = cut.iter().flatten().copied().collect();
-    assert!([20, 40, 41].iter().all(|v| ends.contains(v)));
-    assert_eq!(cut.len(), 2 + 2 + 1);
-    let parts = split(&cloth, &chart, &cut).unwrap();
-    assert!(parts.len() == 1 && parts[0].chart.is_disk() && twin::is_chart(&parts[0].chart));
-    assert_eq!(parts[0].chart.vertices.len(), 81 + cut.len());
-    assert_eq!(shortest_cut(&cloth, &chart, &[0, 3]).unwrap(), [[0u32; 2]; 0]);
 }
