@@ -207,7 +207,8 @@ pub struct UnwrapSettings {
     pub shift: f64,
     /// Weight of the proximal term of `slim` and `akvf`, for a chart of area 1.
     pub proximal: f64,
-    /// The same of `cm`.
+    /// The same of `cm` and `wrapd+cm`: it stands for a pinned vertex only. What the authors' code adds, about a hundred times
+    /// as much, keeps flat charts from their minimum.
     pub proximal_cm: f64,
     /// Whether no two triangles of a chart may overlap.
     pub bijective: bool,
@@ -241,11 +242,11 @@ impl Default for UnwrapSettings {
             admm: MapSplitting::default(),
             bcqn: QuasiNewton { shrink: 0.8, ..QuasiNewton::zhu() },
             newton: NewtonSettings::default(),
-            patience: 2,
+            patience: 4,
             longest: 30,
             shift: 1e-8,
             proximal: 1e-4,
-            proximal_cm: 1.2e-5,
+            proximal_cm: 1e-7,
             bijective: false,
             fixed_boundary: false,
             max_stretch: None,
