@@ -1,4 +1,4 @@
-//! What `proxel unwrap` is told: seams, starts, pins, weights.
+//! What `proxel unwrap` is told: seams, starts, pins, weights, target metrics.
 
 mod common;
 
@@ -106,4 +106,31 @@ fn what_counts_more_is_distorted_less() {
     let (_, same) = maps(&folder, "--no-pack --weights weights.txt");
     let worst = same.uv.iter().zip(&plain.uv).fold(0.0, |m: f64, (a, b)| m.max((a[0] - b[0]).hypot(a[1] - b[1])));
     assert!(worst < 1e-7 * plain.size(), "{worst:e}");
+}
+
+#[test]
+fn target_metrics_say_how_long_edges_become() {
+    let n = 12;
+    let folder = folder("metric", &Surface::patch(n));
+    let (_, plain) = maps(&folder, "--no-pack");
+    // The same factor everywhere scales the map; blanks and commas part the numbers of a tensor.
+    folder.put("metric.txt", &"2.5\n".repeat(2 * n * n));
+    let (report, scaled) = maps(&folder, "--no-pack --metric metric.txt");
+    close(scaled.size() / plain.size(), 2.5, 1e-7);
+    close(report["energy"].as_f64().unwrap(), plain.energy(), 1e-9);
+    close(report["energy_target"].as_f64().unwrap(), plain.energy(), 1e-9);
+    // Twice as long along x only: flatter against the target than against the surface.
+    folder.put("metric.txt", &"4, 0 0  1 0 1 # along x\n".repeat(2 * n * n));
+    let (report, _) = maps(&folder, "--no-pack --metric metric.txt");
+    let (energy, target) = (report["energy"].as_f64().unwrap(), report["energy_target"].as_f64().unwrap());
+    assert!(target < 1.2 && energy > 1.1 * target, "{energy} {target}");
+    for (text, words) in [
+        ("1\n".to_string(), ["1 metrics", "faces"]),
+        ("1 2\n".to_string(), ["line 1", "2 words"]),
+        ("-1\n".to_string(), ["line 1", "not positive"]),
+        ("1 2 0 1 0 1\n".repeat(2 * n * n), ["face 0", "positive definite"]),
+    ] {
+        folder.put("metric.txt", &text);
+        unwrap(&folder, "--metric metric.txt").is_refused(&words);
+    }
 }

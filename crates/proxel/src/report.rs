@@ -105,6 +105,8 @@ pub struct MapReport {
     pub density: Option<f64>,
     /// The energy of the local variable at the end.
     pub energy_z: Option<f64>,
+    /// The energy against the target metrics, where some were given.
+    pub energy_target: Option<f64>,
     /// Faces that are listed against the orientation of their chart.
     pub reversed_faces: usize,
     /// Faces that are not in the map.

@@ -5,7 +5,7 @@ use proxel::mesh::generate::cloth;
 use proxel::mesh::uv::{Certificate, CertificateOptions, certify};
 use proxel::settings::{UnwrapMethod, UnwrapSettings};
 use proxel::split::Status;
-use proxel::unwrap::{Flat, Hooks, MapRow, UnwrapInput, Unwrapped, Unwrapper, Weights, start, unwrap};
+use proxel::unwrap::{Flat, Hooks, MapRow, UnwrapInput, Unwrapped, Unwrapper, Weights, start, uniform, unwrap};
 use std::path::PathBuf;
 
 /// The heightfield z = 0.6 sin 2.5 x cos 2 y over [-1, 1]^2.
@@ -266,4 +266,34 @@ fn dino_whose_harmonic_start_has_flips() {
     assert!((map.rows[0].energy / 117.625_295 - 1.0).abs() < 1e-8, "{}", map.rows[0].energy);
     let c = certificate(&mesh, &map);
     assert!(c.flips == 0 && (c.distortion.energy / 1.021_865_882_9 - 1.0).abs() < 1e-9, "{}", c.distortion.energy);
+}
+
+#[test]
+fn lengths_of_the_map_are_those_of_the_target_metric() {
+    let mesh = patch(12);
+    // Heights do not count: the surface is its own shadow on the plane, which is flat.
+    let shadow = vec![[1.0, 0.0, 0.0, 1.0, 0.0, 1e-14]; mesh.faces.len()];
+    let input = UnwrapInput { mesh: mesh.clone(), metric: Some(shadow), ..UnwrapInput::default() };
+    for method in [UnwrapMethod::Auto, UnwrapMethod::Wrapd] {
+        let map = unwrap(&input, &settings(method), &mut Hooks::default()).expect("a surface");
+        assert_eq!(map.status, Status::Converged, "{}", map.report.reason);
+        let target = map.report.map.as_ref().and_then(|m| m.energy_target).expect("a metric was given");
+        assert!((target - 1.0).abs() < 1e-12, "{target}");
+        let (chart, uv) = (&map.charts.charts[0], &map.uv.coordinates);
+        for t in &chart.triangles {
+            for (i, j) in [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (t[i] as usize, t[j] as usize)) {
+                let (p, q) = (mesh.points[chart.vertices[i] as usize], mesh.points[chart.vertices[j] as usize]);
+                let (is, asked) = ((uv[i][0] - uv[j][0]).hypot(uv[i][1] - uv[j][1]), (p[0] - q[0]).hypot(p[1] - q[1]));
+                assert!((is - asked).abs() < 1e-7 * asked, "{is} {asked}");
+            }
+        }
+    }
+    let refused = |metric: Vec<[f64; 6]>| {
+        let input = UnwrapInput { mesh: mesh.clone(), metric: Some(metric), ..UnwrapInput::default() };
+        unwrap(&input, &UnwrapSettings::default(), &mut Hooks::default()).expect_err("no metric").0
+    };
+    assert!(refused(vec![uniform(1.0); 3]).contains("3 target metrics for 288 faces"));
+    let mut indefinite = vec![uniform(2.0); mesh.faces.len()];
+    indefinite[7] = [1.0, 2.0, 0.0, 1.0, 0.0, 1.0];
+    assert!(refused(indefinite).contains("face 7"));
 }

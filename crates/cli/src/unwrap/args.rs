@@ -41,6 +41,10 @@ pub struct UnwrapArgs {
     /// How much faces count: a file with a positive number for each face, or for each vertex.
     #[arg(long, value_name = "FILE")]
     pub weights: Option<PathBuf>,
+    /// Lengths that edges are to have in the map: a file with a line for each face, which has one number (how many times its
+    /// own length) or six (xx xy xz yy yz zz of a symmetric positive definite M: an edge e gets the length sqrt(e^T M e)).
+    #[arg(long, value_name = "FILE")]
+    pub metric: Option<PathBuf>,
     /// No two triangles of the map may overlap: where those of the best map do, it is found anew with the empty space
     /// around it triangulated, so that borders cannot cross. Pins are refused.
     #[arg(long, conflicts_with = "pin")]

@@ -1,7 +1,8 @@
-//! Small text files: seams, pins, weights. `#` begins a comment; commas count as blanks.
+//! Small text files: seams, pins, weights, target metrics. `#` begins a comment; commas count as blanks.
 
 use std::path::Path;
 
+use proxel::unwrap::{Metric, uniform};
 use proxel_mesh::Mesh;
 
 use crate::refusal::Refusal;
@@ -82,4 +83,30 @@ pub fn weights(path: &Path, mesh: &Mesh) -> Result<Vec<f64>, Refusal> {
         mesh.faces.len(),
         mesh.n_verts()
     )))
+}
+
+/// A target metric for each face: a factor of its lengths, or the six numbers of a tensor.
+pub fn metric(path: &Path, mesh: &Mesh) -> Result<Vec<Metric>, Refusal> {
+    let of_line = |(line, words): (usize, Vec<String>)| -> Result<Metric, Refusal> {
+        let values = words.iter().map(|w| number(path, line, w)).collect::<Result<Vec<f64>, Refusal>>()?;
+        match values[..] {
+            [factor] if factor > 0.0 => Ok(uniform(factor)),
+            [factor] => {
+                Err(refuse(path, line, &format!("the factor {factor} is not positive"), "give a positive number"))
+            }
+            [xx, xy, xz, yy, yz, zz] => Ok([xx, xy, xz, yy, yz, zz]),
+            _ => Err(refuse(path, line, &format!("{} words", words.len()), "write one number, or xx xy xz yy yz zz")),
+        }
+    };
+    let out = lines(path)?.into_iter().map(of_line).collect::<Result<Vec<Metric>, Refusal>>()?;
+    if out.len() != mesh.faces.len() {
+        return Err(Refusal::new(format!(
+            "{}: it has {} metrics, {} has {} faces; write a line for each face",
+            path.display(),
+            out.len(),
+            mesh.name,
+            mesh.faces.len()
+        )));
+    }
+    Ok(out)
 }

@@ -99,7 +99,8 @@ fn read(args: &UnwrapArgs, path: &Path) -> Result<UnwrapInput, Refusal> {
     let start = if args.from_uv { Some(given()?) } else { None };
     let pins = args.pin.as_deref().map_or(Ok(Vec::new()), |p| lists::pins(p, &mesh))?;
     let weights = args.weights.as_deref().map(|p| lists::weights(p, &mesh)).transpose()?;
-    Ok(UnwrapInput { mesh, seams, start, pins, weights })
+    let metric = args.metric.as_deref().map(|p| lists::metric(p, &mesh)).transpose()?;
+    Ok(UnwrapInput { mesh, seams, start, pins, weights, metric })
 }
 
 /// What is mapped, and where to.

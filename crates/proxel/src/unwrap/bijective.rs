@@ -56,7 +56,7 @@ pub(super) fn solve(
     began: Instant,
 ) -> Result<ChartMap, UnwrapError> {
     let mut free = chart::solve(input, settings, hooks, began)?;
-    let Some(flat) = &Flat::new(&input.points, &input.chart.triangles, &input.chart.loops) else { return Ok(free) };
+    let Some(flat) = &input.flat() else { return Ok(free) };
     if is_bijective(flat, &free.uv)? {
         return Ok(free);
     }

@@ -1,6 +1,7 @@
 //! The map of one chart.
 
 use super::flat::{Flat, best_scale, flips, symmetric_dirichlet};
+use super::metric::{self, Stretch};
 use super::order::{Order, middle};
 use super::pins::similarity;
 use super::problem::{MODULUS, Relaxed, local_energy, method, problem};
@@ -22,6 +23,14 @@ pub(super) struct ChartInput<'a> {
     pub start: Option<Vec<[f64; 2]>>, // in any units
     pub pins: Vec<(u32, [f64; 2])>,   // in the user's units
     pub weights: Option<Vec<f64>>,    // of its triangles
+    pub metric: Option<Vec<Stretch>>, // of its triangles
+}
+
+impl ChartInput<'_> {
+    /// With the rest shapes of its triangles; none where it has no area.
+    pub fn flat(&self) -> Option<Flat<'_>> {
+        Flat::stretched(&self.points, &self.chart.triangles, &self.chart.loops, self.metric.as_deref())
+    }
 }
 
 /// The charts of a mesh, and what of the input concerns each.
@@ -61,6 +70,7 @@ pub(super) fn inputs<'a>(input: &UnwrapInput, charts: &'a Charts) -> Result<Vec<
             .filter_map(|v| Some((v, (*pins.get(chart.vertices[v as usize] as usize)?)?)))
             .collect(),
         weights: input.weights.as_ref().map(|w| chart.faces.iter().map(|f| w[*f as usize]).collect()),
+        metric: metric::of_faces(input, &chart.faces),
     };
     Ok(charts.charts.iter().zip(starts).map(of_chart).collect())
 }
@@ -138,7 +148,7 @@ pub(super) fn solve(
     began: Instant,
 ) -> Result<ChartMap, UnwrapError> {
     let entered = Instant::now();
-    let Some(chart) = &Flat::new(&input.points, &input.chart.triangles, &input.chart.loops) else {
+    let Some(chart) = &input.flat() else {
         return Ok(without_area(input));
     };
     let Prepared { order, start, method, failure } = prepare(chart, input, settings)?;

@@ -1,5 +1,6 @@
 //! A chart with the rest shapes of its triangles in the plane, and what is measured on it.
 
+use super::metric::Stretch;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -31,7 +32,18 @@ pub struct Flat<'a> {
 impl<'a> Flat<'a> {
     /// None where the chart has no area.
     pub fn new(points: &'a [[f64; 3]], triangles: &'a [[u32; 3]], loops: &'a [Vec<u32>]) -> Option<Self> {
-        let raw: Vec<Shape> = triangles.par_iter().with_min_len(CHUNK).map(|t| Shape::of(points, *t)).collect();
+        Self::stretched(points, triangles, loops, None)
+    }
+
+    /// With the lengths, and so the area, that target metrics ask for.
+    pub(super) fn stretched(
+        points: &'a [[f64; 3]],
+        triangles: &'a [[u32; 3]],
+        loops: &'a [Vec<u32>],
+        metric: Option<&[Stretch]>,
+    ) -> Option<Self> {
+        let shape = |(t, triangle): (usize, &[u32; 3])| Shape::of(points, *triangle, metric.map(|m| &m[t]));
+        let raw: Vec<Shape> = triangles.par_iter().enumerate().with_min_len(CHUNK).map(shape).collect();
         let degenerate: Vec<u32> = (0..raw.len() as u32).filter(|t| raw[*t as usize].is_thin()).collect();
         let area: f64 = raw.iter().filter(|s| !s.is_thin()).map(Shape::area).sum();
         let scale = area.sqrt().recip();
@@ -60,11 +72,11 @@ struct Shape {
 }
 
 impl Shape {
-    fn of(points: &[[f64; 3]], t: [u32; 3]) -> Self {
+    fn of(points: &[[f64; 3]], t: [u32; 3], metric: Option<&Stretch>) -> Self {
         let [a, b, c] = t.map(|v| points[v as usize]);
         let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
         let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-        let (e, f, g) = (minus(b, a), minus(c, a), minus(c, b));
+        let [e, f, g] = [minus(b, a), minus(c, a), minus(c, b)].map(|e| metric.map_or(e, |m| m.apply(e)));
         let cross = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
         let sides = [e, f, g].map(|e| dot(e, e).sqrt());
         let columns = match sides[0] > 0.0 {

@@ -2,7 +2,6 @@
 
 use super::assemble::{self, Laid};
 use super::chart::{self, ChartInput, Prepared};
-use super::flat::Flat;
 use super::order::Order;
 use super::problem::shown;
 use super::{UnwrapError, UnwrapInput, cut, pool};
@@ -52,9 +51,9 @@ struct Live {
 
 impl Live {
     fn new(input: &ChartInput<'_>, settings: &UnwrapSettings) -> Result<Self, UnwrapError> {
-        let (chart, pins) = (input.chart, input.pins.clone());
+        let pins = input.pins.clone();
         let none = Evaluation::default();
-        let Some(flat) = Flat::new(&input.points, &chart.triangles, &chart.loops) else {
+        let Some(flat) = input.flat() else {
             let (order, uv) = (Order::none(), vec![[0.0; 2]; input.points.len()]);
             return Ok(Live {
                 order,

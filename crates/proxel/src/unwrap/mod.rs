@@ -9,6 +9,7 @@ mod bijective;
 mod chart;
 mod flat;
 mod live;
+mod metric;
 mod order;
 mod pins;
 mod problem;
@@ -19,6 +20,7 @@ mod watch;
 
 pub use flat::Flat;
 pub use live::{Standing, Unwrapper};
+pub use metric::{Metric, uniform};
 pub use start::{Start, Weights, start};
 pub use watch::{Hooks, MapRow, Progress};
 
@@ -49,6 +51,8 @@ pub struct UnwrapInput {
     pub pins: Vec<(u32, [f64; 2])>,
     /// A positive weight for each face: how much its distortion counts.
     pub weights: Option<Vec<f64>>,
+    /// A target metric for each face: the lengths that its edges are to have in the map. Energies are measured against it.
+    pub metric: Option<Vec<Metric>>,
 }
 
 /// Why a map cannot be computed: a sentence that names the item and the remedy.
@@ -113,6 +117,9 @@ fn cut(input: &UnwrapInput) -> Result<Charts, UnwrapError> {
     mesh.check_indices()?;
     if let Some(weights) = &input.weights {
         pins::check_weights(mesh, weights)?;
+    }
+    if let Some(metric) = &input.metric {
+        metric::check(mesh, metric)?;
     }
     let charts = charts(mesh, &ChartOptions { seams: input.seams.clone(), ..ChartOptions::default() })?;
     if charts.charts.is_empty() {
@@ -198,6 +205,7 @@ fn unwrap_here(
             charts: charts.charts.len(),
             reversed_faces: charts.reversed_faces.len(),
             energy_z: finite(energy_z),
+            energy_target: input.metric.as_ref().and_then(|_| finite(mean(&|m| m.energy))),
             density: placed.density,
             stretch_cuts: bounded.cuts,
             ..MapReport::default()

@@ -307,7 +307,14 @@ mod tests {
             vertices: vec![0, 1, 2],
             loops: loops.to_vec(),
         };
-        let input = ChartInput { chart: &owned, points: points.to_vec(), start: None, pins: Vec::new(), weights: None };
+        let input = ChartInput {
+            chart: &owned,
+            points: points.to_vec(),
+            start: None,
+            pins: Vec::new(),
+            weights: None,
+            metric: None,
+        };
         let scaffold = Scaffold::around(&uv, &loops).expect("a simple border");
         let order = Order::new(&chart, &[0]).with_between(scaffold.n_free);
         let settings = UnwrapSettings::default();

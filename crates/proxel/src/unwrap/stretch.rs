@@ -6,6 +6,7 @@
 
 use super::chart::{ChartInput, ChartMap};
 use super::flat::{Flat, jacobian};
+use super::metric;
 use super::pins::pinned;
 use super::{Hooks, SMALL, UnwrapError, UnwrapInput};
 use crate::settings::UnwrapSettings;
@@ -189,6 +190,7 @@ impl Job<'_> {
                 start: Some(parent.iter().map(|&v| piece.map.uv[v as usize]).collect()),
                 pins: Vec::new(),
                 weights: self.input.weights.as_ref().map(|w| chart.faces.iter().map(|&f| w[f as usize]).collect()),
+                metric: metric::of_faces(self.input, &chart.faces),
             };
             let map = super::solve(&input, self.settings, hooks, self.began)?;
             let strain = self.strain(&chart, &map);
@@ -200,7 +202,9 @@ impl Job<'_> {
     /// Measures the map of a chart at the scale that it has, over the triangles with an area.
     fn strain(&self, chart: &Chart, map: &ChartMap) -> Strain {
         let points: Vec<_> = chart.vertices.iter().map(|&v| self.input.mesh.points[v as usize]).collect();
-        let Some(flat) = Flat::new(&points, &chart.triangles, &chart.loops) else { return Strain::default() };
+        let metric = metric::of_faces(self.input, &chart.faces);
+        let flat = Flat::stretched(&points, &chart.triangles, &chart.loops, metric.as_deref());
+        let Some(flat) = flat else { return Strain::default() };
         let mut out = Strain::default();
         for t in (0..chart.triangles.len()).filter(|&t| flat.counts(t)) {
             let of = chart.triangles[t];
