@@ -297,3 +297,27 @@ fn lengths_of_the_map_are_those_of_the_target_metric() {
     indefinite[7] = [1.0, 2.0, 0.0, 1.0, 0.0, 1.0];
     assert!(refused(indefinite).contains("face 7"));
 }
+
+#[test]
+fn newton_strides_away_from_a_flip_that_is_near() {
+    let mesh = patch(10);
+    let mut near = run(&mesh, &settings(UnwrapMethod::Newton));
+    let least = near.report.energy.expect("finite");
+    // A vertex inside almost on the opposite edge of one of its triangles.
+    let chart = &near.charts.charts[0];
+    let is_inside = |v: &u32| chart.loops.iter().all(|l| !l.contains(v));
+    let t = chart.triangles.iter().find(|t| t.iter().all(is_inside)).expect("a triangle inside");
+    let [v, a, b] = t.map(|v| near.uv.coordinates[v as usize]);
+    let v = [0, 1].map(|d| 0.5 * (a[d] + b[d]) + 1e-3 * (v[d] - 0.5 * (a[d] + b[d])));
+    near.uv.coordinates[t[0] as usize] = v;
+    let iterations = |stride: f64| {
+        let input = UnwrapInput { mesh: mesh.clone(), start: Some(near.uv.clone()), ..UnwrapInput::default() };
+        let settings = UnwrapSettings { stride, ..settings(UnwrapMethod::Newton) };
+        let map = unwrap(&input, &settings, &mut Hooks::default()).expect("a surface");
+        assert_eq!(map.status, Status::Converged, "{}", map.report.reason);
+        assert!((map.report.energy.expect("finite") - least).abs() < 1e-12 * least);
+        map.report.iterations
+    };
+    let (plain, striding) = (iterations(1.0), iterations(1024.0));
+    assert!(striding + 2 <= plain, "{plain} {striding}");
+}

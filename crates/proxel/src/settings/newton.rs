@@ -84,6 +84,7 @@ impl NewtonSettings {
             proximal: 0.0,
             shift: 0.0,
             guarded: false,
+            longest: 1.0,
         }
     }
 

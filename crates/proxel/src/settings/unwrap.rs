@@ -203,6 +203,9 @@ pub struct UnwrapSettings {
     /// Iterations of the splitting after which `auto` and `wrapd+cm` give up hope that it will turn the last flipped triangle, and
     /// go on from the start where that has none.
     pub longest: usize,
+    /// Longest step of `auto` and `newton`, in Newton steps, where one gains much more than the quadratic model foretold: near
+    /// flips that model is far too careful.
+    pub stride: f64,
     /// Part of the mean diagonal that is added to a Hessian where it is factored: the rotation of a map costs nothing.
     pub shift: f64,
     /// Weight of the proximal term of `slim` and `akvf`, for a chart of area 1.
@@ -244,6 +247,7 @@ impl Default for UnwrapSettings {
             newton: NewtonSettings::default(),
             patience: 4,
             longest: 30,
+            stride: 1024.0,
             shift: 1e-8,
             proximal: 1e-4,
             proximal_cm: 1e-7,
@@ -284,6 +288,7 @@ impl UnwrapSettings {
             proximal,
             shift: self.shift,
             guarded: true,
+            longest: if projection == on_demand { self.stride } else { 1.0 },
         }
     }
 
@@ -322,6 +327,7 @@ impl UnwrapSettings {
             ("shift", self.shift, 0.0),
             ("proximal", self.proximal, 0.0),
             ("proximal_cm", self.proximal_cm, 0.0),
+            ("stride", self.stride, 1.0),
         ] {
             if !(v >= least && v.is_finite()) {
                 return Err(format!("{name} is {v}; it must be at least {least}"));

@@ -63,6 +63,7 @@ mod tests {
             proximal: 0.0,
             shift: 0.0,
             guarded: false,
+            longest: 1.0,
         };
         AutoSettings { newton, eager: false, patience: 3, gain: 0.1, window: 2, longest: 50, retreat: 4 }
     }

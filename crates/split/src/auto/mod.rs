@@ -238,6 +238,7 @@ impl Auto {
                 projection: ProjectionRule::Always(Projection::Clamp),
                 warp: false,
                 guarded: false,
+                longest: 1.0,
                 max_inner: UNTANGLING,
                 ..self.settings.newton.clone()
             };

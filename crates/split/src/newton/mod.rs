@@ -63,6 +63,8 @@ pub struct NewtonSettings {
     pub shift: f64,
     /// Whether no step is longer than 0.8 of what inverts the first element.
     pub guarded: bool,
+    /// Longest straight step that is tried where one gained much more than foretold; 1 is the whole Newton step.
+    pub longest: f64,
 }
 
 /// Part of the longest step without an inverted element that is tried first (Smith and Schaefer 2015).
@@ -299,19 +301,21 @@ impl Newton {
         Ok(())
     }
 
-    /// The longest step along d to begin a search with.
-    fn first_step(&mut self) -> f64 {
-        let Some(guard) = &mut self.guard else { return 1.0 };
-        let Some(Evaluation { energy, .. }) = self.evaluation else { return 1.0 };
+    /// The step along d to begin a search with, and the longest that it may come to.
+    fn first_step(&mut self) -> (f64, f64) {
+        let longest = if self.last.ratio > search::SURPASSED { self.settings.longest.max(1.0) } else { 1.0 };
+        let Some(guard) = &mut self.guard else { return (1.0, longest) };
+        let Some(Evaluation { energy, .. }) = self.evaluation else { return (1.0, longest) };
         if energy.inverted == 0 {
             guard.arm(&self.x);
         }
         if !guard.is_armed() {
-            return 1.0;
+            return (1.0, longest);
         }
         self.new_grad.clear();
         self.new_grad.extend(self.cg.d.iter().map(|d| -d));
-        (FEASIBLE * guard.limit(&self.x, &self.new_grad, 1.0 / FEASIBLE)).min(1.0)
+        let limit = (FEASIBLE * guard.limit(&self.x, &self.new_grad, longest / FEASIBLE)).min(longest);
+        (limit.min(1.0), limit)
     }
 
     /// Conjugate gradients on the assembled Hessian, preconditioned with the factor as it is.
@@ -419,7 +423,7 @@ impl Method for Newton {
         let start = self.here();
         let before = self.factorisations;
         let solved = self.direction()?;
-        let first = self.first_step();
+        let steps = self.first_step();
         let d = &self.cg.d;
         let slope = vector::dot(&self.grad, d);
         let normal = if self.settings.warp { Some(&mut self.normal) } else { None };
@@ -428,7 +432,7 @@ impl Method for Newton {
             normal,
             &self.x,
             d,
-            first,
+            steps,
             start.energy.value,
             (slope, solved.curvature),
         )?;
