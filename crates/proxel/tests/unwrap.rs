@@ -227,7 +227,7 @@ fn tutte_stands_in_where_the_harmonic_start_flips() {
     let flat = Flat::new(&points, &triangles, &loops).expect("an area");
     let found = start(&flat).expect("a start");
     assert_eq!(found.flips, 0, "{:?}", found.weights);
-    assert!(matches!(found.weights, Weights::Cotangent | Weights::Uniform));
+    assert!(matches!(found.weights, Some(Weights::Cotangent | Weights::Uniform)));
 }
 
 /// Iterations to 1 % of the least energy, by the energy of the local variable while triangles are flipped, as the paper

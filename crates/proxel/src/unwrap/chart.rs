@@ -5,7 +5,7 @@ use super::metric::{self, Stretch};
 use super::order::{Order, middle};
 use super::pins::similarity;
 use super::problem::{MODULUS, Relaxed, local_energy, method, problem};
-use super::start::{Start, Weights, start};
+use super::start::{Start, start};
 use super::watch::{TimeLimit, Watcher};
 use super::{Hooks, MapRow, UnwrapError, UnwrapInput};
 use crate::settings::UnwrapSettings;
@@ -129,7 +129,7 @@ pub(super) fn prepare(
     }
     let relaxed = || Relaxed::new(chart, &order, input, settings);
     // A map that was found before is near its minimum: nothing is left for the splitting to do.
-    let is_near = start.weights == Weights::Given && start.flips == 0 && symmetric_dirichlet(chart, &start.uv) < NEAR;
+    let is_near = start.weights.is_none() && start.flips == 0 && symmetric_dirichlet(chart, &start.uv) < NEAR;
     let made = method(problem, relaxed, is_near, settings);
     Ok(match made {
         Ok(method) => Prepared { order, start, method: Some(method), failure: None },
@@ -203,11 +203,11 @@ pub(super) fn solve(
 pub(super) fn tolerance(start: &Start, settings: &UnwrapSettings, method: &mut dyn Method) -> GradientTolerance {
     let from_start = GradientTolerance::new(settings.tol, method);
     match start.weights {
-        Weights::Given => {
+        None => {
             let characteristic = method.problem().characteristic_gradient();
             GradientTolerance::against(settings.tol, from_start.reference(), GIVEN * characteristic)
         }
-        _ => from_start,
+        Some(_) => from_start,
     }
 }
 
@@ -307,7 +307,7 @@ fn begin(chart: &Flat<'_>, input: &ChartInput<'_>) -> Result<Start, UnwrapError>
         Some(uv) => {
             let factor = best_scale(chart, uv);
             let uv: Vec<[f64; 2]> = uv.iter().map(|p| p.map(|v| v * factor)).collect();
-            Start { flips: flips(chart.triangles, &uv), uv, weights: Weights::Given }
+            Start { flips: flips(chart.triangles, &uv), uv, weights: None }
         }
         None => start(chart)?,
     };

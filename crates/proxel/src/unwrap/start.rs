@@ -10,8 +10,6 @@ use std::sync::Arc;
 pub enum Weights {
     /// w_ij = (cot alpha + cot beta) / 2: the harmonic map.
     Cotangent,
-    /// No springs: the map was given.
-    Given,
     /// w_ij = 1: without flips in exact arithmetic (Tutte 1963).
     Uniform,
 }
@@ -21,8 +19,8 @@ pub enum Weights {
 pub struct Start {
     /// (n, 2), in units in which the chart has area 1.
     pub uv: Vec<[f64; 2]>,
-    /// The weights behind it.
-    pub weights: Weights,
+    /// The weights behind it; none where the map was given.
+    pub weights: Option<Weights>,
     /// Triangles without positive area.
     pub flips: usize,
 }
@@ -158,7 +156,7 @@ impl Circle {
             }
         }
         let flips = flips(chart.triangles, &uv);
-        Ok(Start { uv, weights, flips })
+        Ok(Start { uv, weights: Some(weights), flips })
     }
 
     /// Edges between unknowns, or from one to the border; an edge may come twice.
@@ -179,7 +177,7 @@ impl Circle {
                 let (i, j) = ((k + 1) % 3, (k + 2) % 3);
                 let weight = match weights {
                     // Each inner edge comes twice.
-                    Weights::Uniform | Weights::Given => 0.5,
+                    Weights::Uniform => 0.5,
                     Weights::Cotangent => {
                         let (a, b) = ([p[i][0] - p[k][0], p[i][1] - p[k][1]], [p[j][0] - p[k][0], p[j][1] - p[k][1]]);
                         0.5 * (a[0] * b[0] + a[1] * b[1]) / area2
