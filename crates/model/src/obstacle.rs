@@ -196,7 +196,7 @@ impl<const D: usize> Term for Obstacle<D> {
     }
 
     fn scale(&self) -> Scale {
-        Scale { measure: 0.0, weight2: self.weight2.iter().sum(), hessian: 0.0 }
+        Scale { weight2: self.weight2.iter().sum(), ..Scale::default() }
     }
 
     fn local_weights2(&self, out: &mut [f64]) {

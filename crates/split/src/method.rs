@@ -1,6 +1,6 @@
 //! What every method has in common.
 
-use crate::{EnergyReport, LocalReport, Problem, SystemError};
+use crate::{EnergyReport, Exhausted, LocalReport, Problem, SystemError};
 
 /// What one iteration did.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,6 +65,11 @@ pub trait Method: Send {
     /// Whether [`Method::evaluate`] costs no more than a step does anyway, so that stops may ask for it at every iteration.
     fn is_evaluated(&self) -> bool {
         false
+    }
+
+    /// Whether the point after the last step is a minimum to rounding; none for methods that cannot tell.
+    fn exhausted(&self) -> Option<Exhausted> {
+        None
     }
 
     /// Bytes of factors, workspace included.

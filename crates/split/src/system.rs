@@ -2,7 +2,7 @@
 
 use crate::Problem;
 use crate::equality::Within;
-use proxel_linalg::sparse::{Cholesky, Ordering, SolveScratch, SparseError, SymPattern, Symbolic};
+use proxel_linalg::sparse::{Cholesky, Ordering, Purpose, SolveScratch, SparseError, SymPattern, Symbolic};
 use std::sync::Arc;
 
 /// Parts of the diagonal that are added to it, one after the other, where rounding makes a matrix indefinite.
@@ -19,14 +19,39 @@ pub enum Precision {
     Single,
 }
 
-/// The factor in either precision.
-enum Factor {
+/// A factor in either precision.
+pub(crate) enum Factor {
     Double(Cholesky<f64>),
     Single(Cholesky<f32>),
 }
 
 impl Factor {
-    fn solve(&self, b: &mut [f64], nrhs: usize, scratch: &mut SolveScratch) -> Result<(), SparseError> {
+    /// One without numbers yet.
+    pub(crate) fn new(symbolic: Arc<Symbolic>, precision: Precision, purpose: Purpose) -> Self {
+        match precision {
+            Precision::Double => Factor::Double(Cholesky::for_purpose(symbolic, purpose)),
+            Precision::Single => Factor::Single(Cholesky::for_purpose(symbolic, purpose)),
+        }
+    }
+
+    /// The numbers of a matrix, or the first pivot that is not positive.
+    pub(crate) fn refactor_if_definite(&mut self, values: &[f64]) -> Result<(), SparseError> {
+        match self {
+            Factor::Double(factor) => factor.refactor_if_definite(values),
+            Factor::Single(factor) => factor.refactor_if_definite(values),
+        }
+    }
+
+    /// Bytes of the factor and of its workspace.
+    pub(crate) fn bytes(&self) -> u64 {
+        let (factor, workspace) = match self {
+            Factor::Double(factor) => factor.bytes(),
+            Factor::Single(factor) => factor.bytes(),
+        };
+        (factor + workspace) as u64
+    }
+
+    pub(crate) fn solve(&self, b: &mut [f64], nrhs: usize, scratch: &mut SolveScratch) -> Result<(), SparseError> {
         match self {
             Factor::Double(factor) => factor.solve_in_place(b, nrhs, scratch),
             Factor::Single(factor) => factor.solve_in_place(b, nrhs, scratch),
@@ -108,10 +133,7 @@ impl NormalMatrix {
             dim: problem.dim,
             values: vec![0.0; pattern.nnz()],
             pattern,
-            factor: match precision {
-                Precision::Double => Factor::Double(Cholesky::new(symbolic.clone())),
-                Precision::Single => Factor::Single(Cholesky::new(symbolic.clone())),
-            },
+            factor: Factor::new(symbolic.clone(), precision, Purpose::ManySolves),
             symbolic,
             scratch: SolveScratch::default(),
             within: None,
@@ -223,11 +245,7 @@ impl NormalMatrix {
 
     /// Bytes that the factor takes, workspace included.
     pub fn factor_bytes(&self) -> u64 {
-        let (factor, workspace) = match &self.factor {
-            Factor::Double(factor) => factor.bytes(),
-            Factor::Single(factor) => factor.bytes(),
-        };
-        (factor + workspace) as u64
+        self.factor.bytes()
     }
 
     /// The analysis of the pattern.

@@ -131,6 +131,8 @@ pub struct Scale {
     pub measure: f64,
     /// sum w^2
     pub weight2: f64,
+    /// Half the stiffness at rest times sum V: the energy of strains of about one.
+    pub energy: f64,
     /// |H(I)|_F over the stiffness at rest, both of the density over principal stretches; H its Hessian, the stiffness its
     /// largest eigenvalue, which [`Term::add_characteristic_force`] takes.
     pub hessian: f64,

@@ -389,9 +389,11 @@ where
 
     fn scale(&self) -> Scale {
         let n = self.chunks.n_elems();
+        let measure = self.measure[..n].iter().sum();
         Scale {
-            measure: self.measure[..n].iter().sum(),
+            measure,
             weight2: self.weight2[..n].iter().sum(),
+            energy: 0.5 * self.energy.rest_stiffness() * measure,
             hessian: self.energy.rest_hessian_norm() / self.energy.rest_stiffness(),
         }
     }

@@ -10,7 +10,9 @@ use super::watch::{TimeLimit, Watcher};
 use super::{Hooks, MapRow, UnwrapError, UnwrapInput};
 use crate::settings::UnwrapSettings;
 use proxel_mesh::charts::{Chart, Charts};
-use proxel_split::{Cancel, GradientTolerance, IterationLimit, Method, NoProgress, Outcome, Residuals, Status, Stop};
+use proxel_split::{
+    Cancel, GradientTolerance, IterationLimit, Method, NoProgress, Outcome, Residuals, RoundingReached, Status, Stop,
+};
 use std::time::{Duration, Instant};
 
 /// Steps that a method may refuse in a row.
@@ -168,7 +170,8 @@ pub(super) fn solve(
     let mut time = TimeLimit::new(began, settings.time_limit);
     let mut watcher =
         Watcher { chart, settings, order: &order, hooks, began: entered, watching: Duration::ZERO, rows: Vec::new() };
-    let mut stops: [&mut dyn Stop; 5] = [&mut tolerance, &mut cancel, &mut time, &mut limit, &mut stuck];
+    let mut rounding = RoundingReached;
+    let mut stops: [&mut dyn Stop; 6] = [&mut tolerance, &mut rounding, &mut cancel, &mut time, &mut limit, &mut stuck];
     let outcome = proxel_split::run(method.as_mut(), &mut stops, &mut watcher);
     let rows = watcher.rows;
     let factor_bytes = method.factor_bytes();

@@ -7,8 +7,8 @@ pub use gains::Gains;
 pub use price::{Price, solver_for};
 
 use crate::{
-    Admm, AdmmSettings, EnergyReport, Evaluation, Hessian, LinearSolver, Method, Newton, NewtonSettings, NormalMatrix,
-    Problem, Projection, ProjectionRule, Relax, Residuals, StepReport, SystemError, Untangle,
+    Admm, AdmmSettings, EnergyReport, Evaluation, Exhausted, Hessian, LinearSolver, Method, Newton, NewtonSettings,
+    NormalMatrix, Problem, Projection, ProjectionRule, Relax, Residuals, StepReport, SystemError, Untangle,
 };
 
 /// Settings of [`Auto`].
@@ -83,8 +83,10 @@ pub struct Auto {
     retreats: usize, // how often Newton failed
     short: usize,    // Newton steps in a row that were cut to almost nothing
     relax: Option<Box<dyn Relax>>,
-    fewest: u64,   // inverted elements so far
-    waited: usize, // iterations since then
+    exhausted: Option<Exhausted>, // of the last step, though the splitting may follow
+    fair: Option<Vec<f64>>,       // where Newton failed last without inverted elements
+    fewest: u64,                  // inverted elements so far
+    waited: usize,                // iterations since then
 }
 
 /// A Newton step cut to this part of its length, some times in a row, leads nowhere.
@@ -143,6 +145,8 @@ impl Auto {
             retreats: 0,
             short: 0,
             relax: None,
+            exhausted: None,
+            fair: None,
             fewest: u64::MAX,
             waited: 0,
         }
@@ -185,11 +189,11 @@ impl Auto {
     }
 
     fn enter_newton(&mut self) -> Result<(), SystemError> {
-        let begins_anew = self.problem().barrier && self.energy().inverted > 0 && self.is_start_fair();
+        let begins_anew = self.problem().barrier && self.energy().inverted > 0 && self.is_way_fair();
         if let Phase::Splitting(admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
             let (problem, normal, mut x, admm) = admm.into_parts();
             if begins_anew {
-                x.copy_from_slice(&problem.x0);
+                x.copy_from_slice(self.fair.as_deref().unwrap_or(&problem.x0));
             }
             let newton = Newton::resume(problem, normal, x, self.settings.newton.clone(), self.iteration)?;
             self.phase = Phase::Newton(Box::new(newton), admm);
@@ -214,14 +218,17 @@ impl Auto {
     fn leave_tangle(&mut self) -> Result<(), SystemError> {
         let inverted = self.energy().inverted as f64;
         let elements: usize = self.problem().terms.iter().map(|term| term.n_elems()).sum();
-        if inverted > FEW * elements as f64 && self.is_start_fair() {
+        if self.fair.is_some() || (inverted > FEW * elements as f64 && self.is_way_fair()) {
             return self.enter_newton();
         }
         self.enter_untangling()
     }
 
-    /// Whether nothing is inverted at the start of the problem.
-    fn is_start_fair(&mut self) -> bool {
+    /// Whether Newton has been without inverted elements before, or the problem is at its start.
+    fn is_way_fair(&mut self) -> bool {
+        if self.fair.is_some() {
+            return true;
+        }
         let Phase::Splitting(admm) = &mut self.phase else { return false };
         let problem = admm.problem_mut();
         let start = std::mem::take(&mut problem.x0);
@@ -270,8 +277,12 @@ impl Auto {
     }
 
     fn enter_splitting(&mut self) {
+        let is_fair = self.problem().barrier && self.energy().inverted == 0;
         if let Phase::Newton(newton, admm) = std::mem::replace(&mut self.phase, Phase::Nothing) {
             let (problem, normal, x) = newton.into_parts();
+            if is_fair {
+                self.fair = Some(x.clone());
+            }
             self.phase = Phase::Splitting(Box::new(Admm::resume(problem, normal, x, admm, self.iteration)));
             self.until = self.iteration + (self.settings.retreat << self.retreats.min(DOUBLINGS));
             self.begun = self.iteration;
@@ -329,7 +340,9 @@ impl Method for Auto {
     fn step(&mut self) -> Result<StepReport, SystemError> {
         let report = self.method_mut().ok_or_else(lost)?.step()?;
         self.iteration = report.iteration;
+        self.exhausted = None;
         if self.is_in_newton() {
+            self.exhausted = self.method().and_then(|m| m.exhausted());
             if self.is_lost(&report) {
                 self.enter_splitting();
             }
@@ -361,6 +374,10 @@ impl Method for Auto {
 
     fn is_evaluated(&self) -> bool {
         self.method().is_some_and(|m| m.is_evaluated())
+    }
+
+    fn exhausted(&self) -> Option<Exhausted> {
+        self.exhausted
     }
 
     fn residuals(&mut self) -> Residuals {

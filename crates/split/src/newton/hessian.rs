@@ -1,16 +1,18 @@
 //! The Hessian of a problem: assembled, multiplied, factored.
 
-use crate::{NormalMatrix, Problem, Projection, SystemError};
-use proxel_linalg::sparse::{BlockMatrix, Cholesky, Purpose, SolveScratch, SparseError, Symbolic};
+use crate::system::Factor;
+use crate::{NormalMatrix, Precision, Problem, Projection, SystemError};
+use proxel_linalg::sparse::{BlockMatrix, Purpose, SolveScratch, SparseError, Symbolic};
 use std::sync::Arc;
 
-/// d^2 E / dx^2 over the free nodes, and its factor in f32 where one is asked for.
+/// d^2 E / dx^2 over the free nodes, and its factor, in f32 unless f64 is asked for.
 pub struct Hessian {
     matrix: BlockMatrix,
     potentials: Vec<u32>, // slots of the blocks of potentials, in the order in which they come; NONE for fixed nodes
     form: Vec<f64>,       // of the quadratic form and of springs at points, slot by slot; empty where there is none
     symbolic: Option<Arc<Symbolic>>, // of the factor
-    factor: Option<Cholesky<f32>>,
+    precision: Precision, // of the factor
+    factor: Option<Factor>,
     diagonal: Vec<f64>, // as it was before a shift
     assembled: bool,
     factored: bool, // the last attempt to factor was a success
@@ -98,6 +100,7 @@ impl Hessian {
             potentials,
             form,
             symbolic: None,
+            precision: Precision::Single,
             factor: None,
             diagonal: Vec::new(),
             assembled: false,
@@ -176,7 +179,21 @@ impl Hessian {
         }
     }
 
-    /// Factors it in f32, with `shift` times its mean diagonal added to the diagonal; false where that is not positive
+    /// The precision of its factors.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// Factors from now on have this precision; the one there is goes, if it has another.
+    pub fn set_precision(&mut self, precision: Precision) {
+        if self.precision != precision {
+            self.precision = precision;
+            self.factor = None;
+            self.factored = false;
+        }
+    }
+
+    /// Factors it, with `shift` times its mean diagonal added to the diagonal; false where that is not positive
     /// definite to that precision.
     ///
     /// # Errors
@@ -219,7 +236,7 @@ impl Hessian {
                     None => Arc::new(normal.symbolic().expanded(self.matrix.dim())?),
                 };
                 self.symbolic = Some(symbolic.clone());
-                none.insert(Cholesky::for_purpose(symbolic, Purpose::FewSolves))
+                none.insert(Factor::new(symbolic, self.precision, Purpose::FewSolves))
             }
         };
         self.factored = false;
@@ -234,7 +251,7 @@ impl Hessian {
     }
 
     /// The product of the matrix with p, and the solution of its factor's system: what [`super::cg::Cg`] asks for.
-    pub(super) fn parts(&mut self) -> (&BlockMatrix, Option<&Cholesky<f32>>, &mut SolveScratch) {
+    pub(super) fn parts(&mut self) -> (&BlockMatrix, Option<&Factor>, &mut SolveScratch) {
         (&self.matrix, self.factor.as_ref(), &mut self.scratch)
     }
 
@@ -248,22 +265,19 @@ impl Hessian {
         self.factored
     }
 
-    /// b <- H^-1 b with the factor as it is, in f32: of the matrix that was factored last.
+    /// b <- H^-1 b with the factor as it is: of the matrix that was factored last.
     ///
     /// # Errors
     /// No factor, or a vector of another length.
     pub fn solve(&mut self, b: &mut [f64]) -> Result<(), SystemError> {
         match &self.factor {
-            Some(factor) if self.factored => Ok(factor.solve_in_place(b, 1, &mut self.scratch)?),
+            Some(factor) if self.factored => Ok(factor.solve(b, 1, &mut self.scratch)?),
             _ => Err(SystemError::Factor("the Hessian was not factored before".to_string())),
         }
     }
 
     /// Bytes of the factor and its workspace.
     pub fn factor_bytes(&self) -> u64 {
-        self.factor.as_ref().map_or(0, |factor| {
-            let (factor, workspace) = factor.bytes();
-            (factor + workspace) as u64
-        })
+        self.factor.as_ref().map_or(0, Factor::bytes)
     }
 }

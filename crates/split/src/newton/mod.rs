@@ -1,6 +1,7 @@
 //! Newton's method on the true Hessian, for the end of a minimisation; with [`crate::Auto`], for all of it.
 
 mod cg;
+mod direction;
 mod hessian;
 mod search;
 
@@ -9,8 +10,8 @@ pub use hessian::{FactorCost, Hessian};
 pub use search::{Found, Search};
 
 use crate::{
-    EnergyReport, Evaluation, InversionGuard, LocalReport, Method, NormalMatrix, Problem, Projection, StepReport,
-    SystemError, vector,
+    EnergyReport, Evaluation, Exhausted, InversionGuard, LocalReport, Method, NormalMatrix, Problem, Projection,
+    StepReport, SystemError, vector,
 };
 
 /// How a Newton system is solved.
@@ -94,6 +95,11 @@ pub struct Newton {
     last_gradient: f64, // norm before the last step
     iteration: usize,
     factorisations: usize,
+    characteristic: f64, // energy of strains of about one
+    definite: bool,      // the last direction is from a factor of the true Hessian
+    exhausted: Option<Exhausted>,
+    double_for: usize, // iterations that factors still have 64 bits
+    was_double: bool,  // they had before
 }
 
 impl Newton {
@@ -142,6 +148,7 @@ impl Newton {
         iteration: usize,
     ) -> Self {
         let n = problem.n_free * problem.dim;
+        let characteristic = problem.terms.iter().map(|term| term.scale().energy).sum();
         Newton {
             guard: settings.guarded.then(|| InversionGuard::new(&problem)),
             settings,
@@ -162,6 +169,11 @@ impl Newton {
             last_gradient: f64::INFINITY,
             iteration,
             factorisations: 0,
+            characteristic,
+            definite: false,
+            exhausted: None,
+            double_for: 0,
+            was_double: false,
         }
     }
 
@@ -193,114 +205,6 @@ impl Newton {
         })
     }
 
-    /// The direction, left in `cg.d`; inner steps, and whether the Hessian behind it is the true one.
-    fn direction(&mut self) -> Result<CgReport, SystemError> {
-        match self.settings.solver {
-            LinearSolver::Factor => self.by_factor(),
-            LinearSolver::ConjugateGradients => self.by_gradients(),
-        }
-    }
-
-    /// The Hessian that the rule asks for, first to last.
-    fn projections(&mut self) -> [Option<Projection>; 3] {
-        let (clamp, absolute) = (Projection::Clamp, Projection::Absolute);
-        match self.settings.projection {
-            ProjectionRule::OnDemand { .. } if self.wait > 0 => {
-                self.wait -= 1;
-                [Some(clamp), Some(absolute), None]
-            }
-            ProjectionRule::OnDemand { .. } => [Some(Projection::None), Some(clamp), Some(absolute)],
-            ProjectionRule::Always(Projection::Clamp) => [Some(clamp), Some(absolute), None],
-            ProjectionRule::Always(projection) => [Some(projection), Some(absolute), None],
-            ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => {
-                [Some(clamp), Some(absolute), None]
-            }
-            ProjectionRule::TrustRegion => [Some(absolute), None, None],
-        }
-    }
-
-    /// With a new factor of the Hessian, or where that will do with the old one.
-    fn by_factor(&mut self) -> Result<CgReport, SystemError> {
-        // As exact as quadratic convergence can use: the gradient falls by the square of its last fall.
-        let fall = self.fall();
-        let tolerance = (0.1 * fall * fall).clamp(1e-6, 1e-2);
-        let is_tried = self.is_old_factor_good();
-        let clamped = std::mem::take(&mut self.clamped);
-        let clamped = if self.last.t < LONG { 0 } else { clamped };
-        if is_tried {
-            self.assemble(Projection::None)?;
-            let report = self.preconditioned(tolerance, WITH_OLD_FACTOR)?;
-            if report.end == CgEnd::Solved || (report.end == CgEnd::Limit && report.residual <= USEFUL) {
-                return Ok(report);
-            }
-        }
-        for projection in self.projections().into_iter().flatten() {
-            if projection == Projection::Clamp
-                && self.is_blended(clamped)
-                && let Some(report) = self.by_blend(tolerance)?
-            {
-                self.clamped = clamped + 1;
-                return Ok(report);
-            }
-            if !(is_tried && projection == Projection::None) {
-                self.assemble(projection)?;
-            }
-            self.factorisations += 1;
-            if !self.hessian.factor(&self.normal, self.settings.shift)? {
-                self.delay(projection);
-                continue;
-            }
-            if projection == Projection::None {
-                self.back_off = 0;
-            } else {
-                self.clamped = clamped + 1;
-            }
-            let report = self.preconditioned(tolerance, CORRECTIONS)?;
-            if report.end == CgEnd::NegativeCurvature {
-                // The factor's rounding made the matrix definite; its step still descends.
-                self.delay(projection);
-            }
-            return Ok(report);
-        }
-        // Not even absolute eigenvalues can be factored in f32: with some more on the diagonal they can, and that is still a
-        // good preconditioner.
-        for lift in LIFTS {
-            self.factorisations += 1;
-            if self.hessian.factor_lifted(&self.normal, lift)? {
-                return self.preconditioned(tolerance, WITH_LIFTED_FACTOR);
-            }
-        }
-        self.by_gradients()
-    }
-
-    fn is_blended(&self, clamped: usize) -> bool {
-        clamped >= CRAWL && matches!(self.settings.projection, ProjectionRule::OnDemand { blended: true, .. })
-    }
-
-    /// With the mean of the true and the clamped Hessian; none where that takes more of the clamped one than it is worth.
-    fn by_blend(&mut self, tolerance: f64) -> Result<Option<CgReport>, SystemError> {
-        let mut part = (self.blend * LESS).max(LEAST_BLEND);
-        let both = self.hessian.assemble_both(&mut self.problem, &self.x)?;
-        while part < 1.0 {
-            self.hessian.blend(&both, part);
-            self.hessian.add_to_diagonal(self.settings.proximal);
-            self.factorisations += 1;
-            if self.hessian.factor(&self.normal, self.settings.shift)? {
-                self.blend = part;
-                return self.preconditioned(tolerance, CORRECTIONS).map(Some);
-            }
-            part *= MORE;
-        }
-        self.blend = 1.0;
-        Ok(None)
-    }
-
-    fn assemble(&mut self, projection: Projection) -> Result<(), SystemError> {
-        self.hessian.assemble(&mut self.problem, &self.x, projection)?;
-        self.hessian.add_to_diagonal(self.settings.proximal);
-        Ok(())
-    }
-
     /// The step along d to begin a search with, and the longest that it may come to.
     fn first_step(&mut self) -> (f64, f64) {
         let longest = if self.last.ratio > search::SURPASSED { self.settings.longest.max(1.0) } else { 1.0 };
@@ -317,102 +221,7 @@ impl Newton {
         let limit = (FEASIBLE * guard.limit(&self.x, &self.new_grad, longest / FEASIBLE)).min(longest);
         (limit.min(1.0), limit)
     }
-
-    /// Conjugate gradients on the assembled Hessian, preconditioned with the factor as it is.
-    fn preconditioned(&mut self, tolerance: f64, limit: usize) -> Result<CgReport, SystemError> {
-        let (matrix, factor, scratch) = self.hessian.parts();
-        self.cg.solve(
-            &self.grad,
-            tolerance,
-            limit,
-            |p, q| matrix.multiply(p, q).map_err(SystemError::from),
-            |z| factor.map_or(Ok(()), |factor| factor.solve_in_place(z, 1, scratch)).map_err(SystemError::from),
-        )
-    }
-
-    /// Whether the last step went as foretold: then the Hessian has hardly changed, and its factor is still a good
-    /// preconditioner.
-    fn is_old_factor_good(&self) -> bool {
-        let Found { t, ratio, warped, .. } = self.last;
-        let on_demand = matches!(self.settings.projection, ProjectionRule::OnDemand { .. });
-        on_demand
-            && self.wait == 0
-            && self.hessian.is_factored()
-            && !warped
-            && t == 1.0
-            && (ratio - 1.0).abs() < TRUSTED
-    }
-
-    /// What the last step left of the gradient; 1 before the first.
-    fn fall(&mut self) -> f64 {
-        let norm = self.here().gradient_norm;
-        if self.last_gradient.is_finite() { norm / self.last_gradient } else { 1.0 }
-    }
-
-    /// The true Hessian was not positive definite.
-    fn delay(&mut self, projection: Projection) {
-        let rule = self.settings.projection;
-        if let (ProjectionRule::OnDemand { back_off, .. }, Projection::None) = (rule, projection) {
-            self.wait = self.back_off;
-            self.back_off = (self.back_off + 1).min(back_off);
-        }
-    }
-
-    fn by_gradients(&mut self) -> Result<CgReport, SystemError> {
-        let projection = match self.settings.projection {
-            ProjectionRule::OnDemand { .. } => Projection::None,
-            ProjectionRule::Always(projection) => projection,
-            ProjectionRule::TrustRegion if (self.last.ratio - 1.0).abs() < TRUSTED => Projection::Clamp,
-            ProjectionRule::TrustRegion => Projection::Absolute,
-        };
-        self.assemble(projection)?;
-        // Eisenstat and Walker 1996, choice 2.
-        let fall = self.fall();
-        let tolerance = (0.9 * fall * fall).clamp(1e-5, 0.1);
-        let (matrix, normal) = (self.hessian.matrix(), &mut self.normal);
-        self.cg.solve(
-            &self.grad,
-            tolerance,
-            self.settings.max_inner,
-            |p, q| matrix.multiply(p, q).map_err(SystemError::from),
-            |z| normal.solve(z),
-        )
-    }
 }
-
-/// Conjugate-gradient steps that correct an f32 factor.
-const CORRECTIONS: usize = 4;
-
-/// And one of an earlier Hessian: a step costs a twelfth to a sixth of a factorisation.
-const WITH_OLD_FACTOR: usize = 5;
-
-/// What they may leave of the residual, at most, to be of more use than a new factor.
-const USEFUL: f64 = 0.1;
-
-/// And one of a matrix with more on its diagonal.
-const WITH_LIFTED_FACTOR: usize = 30;
-
-/// Parts of the diagonal that are added to it where f32 makes the matrix indefinite.
-const LIFTS: [f64; 4] = [1e-6, 1e-5, 1e-4, 1e-3];
-
-/// Steps with the clamped Hessian that show that it is too stiff, if they were long and yet did not lead to where the true one
-/// is positive definite;
-const CRAWL: usize = 6;
-
-/// long: at least this part of the whole.
-const LONG: f64 = 0.5;
-
-/// From one iteration to the next the part of the clamped Hessian in a blend is tried at this part of what it was,
-const LESS: f64 = 0.5;
-
-/// then at this multiple of that, until the blend is positive definite;
-const MORE: f64 = 2.0;
-
-/// never at less than this.
-const LEAST_BLEND: f64 = 1e-3;
-
-/// The model is trusted where a step gained what it foretold up to this part.
-const TRUSTED: f64 = 0.1;
 
 impl Method for Newton {
     fn name(&self) -> &str {
@@ -422,6 +231,7 @@ impl Method for Newton {
     fn step(&mut self) -> Result<StepReport, SystemError> {
         let start = self.here();
         let before = self.factorisations;
+        self.definite = false;
         let solved = self.direction()?;
         let steps = self.first_step();
         let d = &self.cg.d;
@@ -456,6 +266,13 @@ impl Method for Newton {
                 vector::add_scaled(&mut self.x[..d.len()], -1.0, d);
             }
         }
+        let foretold = -(slope + 0.5 * solved.curvature);
+        let rounding = Exhausted::PART * (start.energy.value.abs() + self.characteristic);
+        self.exhausted = None;
+        if self.definite && steps.0 == 1.0 && foretold <= rounding {
+            let stays = !accepted || self.here().gradient_norm > Exhausted::LEFT * start.gradient_norm;
+            self.exhausted = stays.then_some(Exhausted { foretold, rounding });
+        }
         self.iteration += 1;
         Ok(StepReport {
             merit: None,
@@ -486,6 +303,10 @@ impl Method for Newton {
 
     fn is_evaluated(&self) -> bool {
         true
+    }
+
+    fn exhausted(&self) -> Option<Exhausted> {
+        self.exhausted
     }
 
     fn factor_bytes(&self) -> u64 {
