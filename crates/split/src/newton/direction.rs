@@ -246,7 +246,7 @@ fn is_poor(report: &CgReport) -> bool {
 }
 
 /// Iterations for which factors have 64 bits the first time.
-const FIRST_DOUBLE: usize = 3;
+const FIRST_DOUBLE: usize = 6;
 
 /// Part of each entry of the diagonal that is added to it where a Hessian is factored in f64 that would be shifted in f32: what
 /// rounding may take from a row of the factor.
