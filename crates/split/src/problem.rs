@@ -1,7 +1,8 @@
 //! The problem: terms, a quadratic, a start.
 
 use crate::{
-    EnergyReport, Equalities, Inertia, LocalReport, PenaltyReport, PointSpring, Potential, SymmetricForm, Term, vector,
+    Cycle, EnergyReport, Equalities, Inertia, LocalReport, PenaltyReport, PointSpring, Potential, SymmetricForm, Term,
+    vector,
 };
 use proxel_linalg::sparse::SymPattern;
 use std::sync::Arc;
@@ -207,6 +208,23 @@ impl Problem {
         self.terms.iter().any(|term| term.is_hard())
     }
 
+    /// Numbers in z that mean something: N_z of A(27).
+    pub fn local_dim(&self) -> usize {
+        self.terms.iter().map(|term| term.local_dim()).sum()
+    }
+
+    /// out <- D^T W^2 r over the free nodes, for linear couplings: what the transpose of A makes of a vector of the local
+    /// space. The dual residual A(7) of the x-z-u iteration is that of z - z_before.
+    pub fn adjoint(&mut self, r: &[Vec<f64>], out: &mut [f64]) {
+        // At x = 0 the gradient of 1/2 sum w^2 |Dx - p|^2 is -D^T W^2 p, without any rounding from x.
+        let origin = vec![0.0; self.x0.len()];
+        out.fill(0.0);
+        for (term, r) in self.terms.iter_mut().zip(r) {
+            let p: Vec<f64> = r.iter().map(|r| -r).collect();
+            term.penalty(&origin, &p, out);
+        }
+    }
+
     /// Number of nodes.
     pub fn n(&self) -> usize {
         self.x0.len() / self.dim
@@ -243,10 +261,22 @@ impl Problem {
     /// The local step of every term, W(10b) and W(10c); `grad` is overwritten with the gradient of the objective of the
     /// global step where it begins.
     pub fn local_step(&mut self, x: &[f64], p: &mut [Vec<f64>], u: &mut [Vec<f64>], grad: &mut [f64]) -> LocalReport {
+        self.cycle_step(&Cycle::PLAIN, x, p, u, grad)
+    }
+
+    /// The same of a cycle, see [`Term::cycle_step`].
+    pub fn cycle_step(
+        &mut self,
+        cycle: &Cycle,
+        x: &[f64],
+        p: &mut [Vec<f64>],
+        u: &mut [Vec<f64>],
+        grad: &mut [f64],
+    ) -> LocalReport {
         grad.fill(0.0);
         let mut report = LocalReport::default();
         for ((term, p), u) in self.terms.iter_mut().zip(p).zip(u) {
-            report += term.local_step(x, p, u, grad);
+            report += term.cycle_step(cycle, x, p, u, grad);
         }
         report.objective += self.quadratic.value_and_gradient(x, self.dim, Some(grad));
         report

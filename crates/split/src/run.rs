@@ -243,6 +243,7 @@ pub fn run(method: &mut dyn Method, stops: &mut [&mut dyn Stop], observer: &mut 
         inner += report.inner;
         refactorisations += usize::from(report.refactorised);
         *(if report.accepted { &mut accepted } else { &mut rejected }) += 1;
+        rejected += report.trial.rejected;
         if !vector::is_finite(method.x()) {
             break Verdict {
                 status: Status::Failed,

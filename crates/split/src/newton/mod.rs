@@ -10,7 +10,7 @@ pub use search::{Found, Search};
 
 use crate::{
     EnergyReport, Evaluation, InversionGuard, LocalReport, Method, NormalMatrix, Problem, Projection, StepReport,
-    SystemError, vector,
+    SystemError, Trial, vector,
 };
 
 /// How a Newton system is solved.
@@ -464,6 +464,7 @@ impl Method for Newton {
             refactorised: self.factorisations > before,
             accepted,
             energy_z: f64::INFINITY,
+            trial: Trial::default(),
             local: LocalReport::default(),
         })
     }
