@@ -11,7 +11,7 @@ pub struct StepReport {
     pub inner: usize,
     /// Whether weights were changed and the system factored anew.
     pub refactorised: bool,
-    /// Whether the proposed iterate was taken.
+    /// Whether a point was taken: x has moved on.
     pub accepted: bool,
     /// sum g(z), the energy of the local variable; infinite where the method has none.
     pub energy_z: f64,
@@ -21,6 +21,13 @@ pub struct StepReport {
     pub trial: Trial,
     /// What the local step did.
     pub local: LocalReport,
+}
+
+impl StepReport {
+    /// Whether the first point that the iteration proposed was taken.
+    pub fn took_proposal(&self) -> bool {
+        self.accepted && self.trial.rejected == 0
+    }
 }
 
 /// What an accelerator did in one iteration; nothing where there is none.

@@ -3,6 +3,7 @@
 //! Each writes NAME.md, NAME.csv (problem, method, level, iterations, seconds: a row a level, empty cells where it was not
 //! reached) and its plots, and says which data it found.
 
+mod aa;
 mod comparison;
 mod context;
 mod figure2;
@@ -60,7 +61,7 @@ pub enum Kind {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 19] = [
+pub const ALL: [Reproduction; 21] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -186,6 +187,20 @@ pub const ALL: [Reproduction; 19] = [
         models: &[],
         kind: Kind::Maps,
         run: maps::figures::figure11,
+    },
+    Reproduction {
+        name: "aa-figure2",
+        about: "three bars, Algorithms 1 to 4 of AA-ADMM beside plain ADMM: residuals against iterations and time",
+        models: &[],
+        kind: Kind::Standalone,
+        run: aa::figure2::run,
+    },
+    Reproduction {
+        name: "aa-figure3",
+        about: "the same bars: over-relaxation, fast ADMM, type-I Anderson and others beside AA-ADMM",
+        models: &[],
+        kind: Kind::Standalone,
+        run: aa::figure3::run,
     },
     Reproduction {
         name: "unwrap-robustness",
