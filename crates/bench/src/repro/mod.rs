@@ -61,7 +61,7 @@ pub enum Kind {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 21] = [
+pub const ALL: [Reproduction; 23] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -201,6 +201,20 @@ pub const ALL: [Reproduction; 21] = [
         models: &[],
         kind: Kind::Standalone,
         run: aa::figure3::run,
+    },
+    Reproduction {
+        name: "aa-linear-rate",
+        about: "the linear rates that Theorems 3.3 and 3.4 of AA-ADMM prove, and the descent of 3.5, checked on a small bar",
+        models: &[],
+        kind: Kind::Standalone,
+        run: aa::linear_rate::run,
+    },
+    Reproduction {
+        name: "aa-sweep",
+        about: "Algorithm 3 of AA-ADMM on the bars: window, mixing parameter and penalty",
+        models: &[],
+        kind: Kind::Standalone,
+        run: aa::sweep::run,
     },
     Reproduction {
         name: "unwrap-robustness",

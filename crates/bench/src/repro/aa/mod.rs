@@ -1,9 +1,12 @@
 //! Reproductions of *Accelerating ADMM for efficient simulation and optimization* (Zhang et al. 2019).
 
+mod constants;
 mod course;
 pub mod figure2;
 pub mod figure3;
+pub mod linear_rate;
 mod reference;
+pub mod sweep;
 
 use super::context::Context;
 use crate::plot::{Axis, Line, Panel};
