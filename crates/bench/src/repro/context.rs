@@ -115,6 +115,17 @@ impl<'a> Context<'a> {
         )
     }
 
+    /// The same of time steps, whose levels are residuals.
+    pub fn step_conditions(&self) -> String {
+        let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let threads = self.options.threads.unwrap_or(processors);
+        format!(
+            "Proxel {}, {threads} threads of {processors} processors. Seconds are wall time of iterations, without \
+             factorisations.",
+            env!("CARGO_PKG_VERSION"),
+        )
+    }
+
     /// The same of maps.
     pub fn map_conditions(&self) -> String {
         let processors = std::thread::available_parallelism().map_or(1, |n| n.get());

@@ -252,7 +252,11 @@ pub fn run(name: &str, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<
             return context.finish();
         }
     }
-    let conditions = if reproduction.is_of_maps() { context.map_conditions() } else { context.conditions() };
+    let conditions = match reproduction {
+        of if of.is_of_maps() => context.map_conditions(),
+        of if of.name.starts_with("aa-") => context.step_conditions(),
+        _ => context.conditions(),
+    };
     let _ = writeln!(context.text, "{conditions}\n");
     (reproduction.run)(&mut context)?;
     context.finish()

@@ -107,7 +107,11 @@ impl Constants {
         // c2 + c3 <= 1, both falling with 1/mu: |Ax - Ax~|^2 <= rho |x - x~|_G^2 <= 2 rho alpha.
         let c2 = 2.0 / (eta * eta) * 2.0 * rho * alpha + (2.0 * (rho / eta).powi(2) + 1.0) * force2(alpha);
         let c3 = (8.0 * (rho / eta).powi(2) + 4.0) * at_start;
-        let zxu = (c2 + c3).max(2.0 * l).max(2.0 / (1.0 / l - rho).max(0.0));
+        // The proof asks for mu/2 >= 4/(eta^2 mu) and (mu - L)/2 >= b/mu, the theorem for an invertible I - mu K, which it is
+        // where mu eta > 1.
+        let b = (4.0 * (rho / eta).powi(2) + 2.0) * (l * l).max(2.0 * l);
+        let proof = (8.0_f64.sqrt() / eta).max(0.5 * l + (0.25 * l * l + 2.0 * b).sqrt());
+        let zxu = (c2 + c3).max(2.0 * l).max(2.0 / (1.0 / l - rho).max(0.0)).max(proof);
         Ok(Constants { rho, eta, lipschitz_xzu: l, lipschitz_zxu: l, least_mu_xzu: xzu, least_mu_zxu: zxu, start })
     }
 
@@ -130,7 +134,7 @@ impl Constants {
              | least mu of the x-z-u iteration, `safe` | {:.4e} |\n| least mu of the z-x-u iteration, `safe` | {:.4e} |\n\n\
              StVK is not globally Lipschitz, so that Theorems 3.3 and 3.4 apply and not 3.1 and 3.2, whose gammas are the same. L and \
              the suprema in c1 and c2 are bounds from |F|^2 <= 1 + 2 |E|; the least mu are those for which c1 <= 1 and mu > 2 L, or \
-             c2 + c3 <= 1, and gamma < 1.",
+             c2 + c3 <= 1, gamma < 1, and mu is as large as the proofs ask for.\n",
             self.start,
             self.rho,
             self.eta,
