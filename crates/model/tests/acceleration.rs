@@ -203,10 +203,8 @@ fn a_cycle_in_one_pass_is_one_in_several() {
             let mut scratch = vec![0.0; grad.len()];
             self.0.local_step(x, p, u, &mut scratch);
             if cycle.order == Order::Zxu {
-                for i in 0..u.len() {
-                    p[i] += u[i] - dual[i];
-                    u[i] = dual[i];
-                }
+                p.iter_mut().zip(u.iter()).zip(&dual).for_each(|((p, u), dual)| *p += u - dual);
+                u.copy_from_slice(&dual);
             }
             self.0.penalty(x, p, grad).value
         }

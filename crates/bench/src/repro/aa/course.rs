@@ -93,6 +93,13 @@ impl Course {
         }
     }
 
+    /// The median of what an iteration takes, in seconds.
+    pub fn median(&self) -> f64 {
+        let mut taken: Vec<f64> = self.points.windows(2).map(|pair| pair[1].seconds - pair[0].seconds).collect();
+        taken.sort_by(f64::total_cmp);
+        taken.get(taken.len() / 2).copied().unwrap_or(f64::NAN)
+    }
+
     /// Whether this residual is known of it.
     pub fn has(&self, residual: Residual) -> bool {
         self.points.iter().any(|p| p.value(residual).is_finite())

@@ -23,14 +23,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         course(context, (PROBLEM, &scene), (name, admm, how), iterations).map(|course| courses.push(course))
     };
     of(context, "admm", scene.admm()?, None)?;
-    for window in [6] {
-        of(
-            context,
-            &format!("aa-admm-3 m={window}"),
-            scene.admm()?,
-            Some(Acceleration::anderson(Algorithm::Three, window)),
-        )?;
-    }
+    of(context, "aa-admm-3 m=6", scene.admm()?, Some(Acceleration::anderson(Algorithm::Three, 6)))?;
     for relaxation in [1.5, 1.6, 1.7, 1.8] {
         let cycle = Cycle { relaxation, ..Cycle::PLAIN };
         let admm = scene.admm()?.with_cycle(cycle).map_err(BenchError::from_display)?;
