@@ -49,6 +49,8 @@ pub struct Anderson {
     least_squares: LeastSquares,
     square: Square,
     mixed: Vec<f64>, // scratch
+    products: Vec<(f64, f64)>,
+    row: Vec<f64>,
 }
 
 /// What is kept of a call; parts that are not needed are empty.
@@ -94,6 +96,8 @@ impl Anderson {
             least_squares: LeastSquares::new(window),
             square: Square::new(window),
             mixed: Vec::new(),
+            products: Vec::with_capacity(window),
+            row: Vec::with_capacity(window),
         }
     }
 
@@ -147,21 +151,26 @@ impl Anderson {
         *inverse = 1.0 / length;
         self.next = (place + 1) % self.window;
         self.used = (self.used + 1).min(self.window);
-        let new = &self.columns[place];
-        for (i, column) in self.columns[..self.used].iter().enumerate() {
-            match self.kind {
-                Kind::Two => {
-                    // Each column is read once for both products.
-                    let (with_new, with_f) = vector::two_dots(&column.d.f, &new.d.f, at.f);
-                    self.least_squares.set(place, i, with_new * column.inverse / length);
-                    self.least_squares.set_right(i, with_f * column.inverse);
+        let (columns, new) = (&self.columns[..self.used], &self.columns[place]);
+        let scale = |i: usize| columns[i].inverse / length;
+        match self.kind {
+            Kind::Two => {
+                vector::pairs_of_dots(self.used, &|i| columns[i].d.f.as_slice(), &new.d.f, at.f, &mut self.products);
+                for (i, (with_new, with_f)) in self.products.iter().enumerate() {
+                    self.least_squares.set(place, i, with_new * scale(i));
+                    self.least_squares.set_right(i, with_f * columns[i].inverse);
                 }
-                Kind::One => {
-                    let (with_new, with_f) = vector::two_dots(&column.d.sensed, &new.d.f, at.f);
-                    self.square.set(i, place, with_new * column.inverse / length);
-                    self.square.set_right(i, with_f * column.inverse);
-                    let turned = vector::dot(&new.d.sensed, &column.d.f);
-                    self.square.set(place, i, turned * column.inverse / length);
+            }
+            Kind::One => {
+                let sensed = |i: usize| columns[i].d.sensed.as_slice();
+                vector::pairs_of_dots(self.used, &sensed, &new.d.f, at.f, &mut self.products);
+                for (i, (with_new, with_f)) in self.products.iter().enumerate() {
+                    self.square.set(i, place, with_new * scale(i));
+                    self.square.set_right(i, with_f * columns[i].inverse);
+                }
+                vector::dots(self.used, &|i| columns[i].d.f.as_slice(), &new.d.sensed, &mut self.row);
+                for (i, product) in self.row.iter().enumerate() {
+                    self.square.set(place, i, product * scale(i));
                 }
             }
         }
