@@ -20,6 +20,11 @@ const PROBLEMS: [(&str, f64, usize, usize); 3] =
 /// Plain iterations for the frames before the one that is looked at.
 const BEFORE: usize = 200;
 
+/// Methods of the plots: those of the paper's figure, and the algorithms beside each other.
+const WINDOWS: [&str; 6] =
+    ["admm", "aa-admm-3 m=1", "aa-admm-3 m=3", "aa-admm-3 m=6", "aa-admm-3 m=10", "aa-admm-1 m=6"];
+const ALGORITHMS: [&str; 6] = ["admm", "aa-admm-1 m=6", "aa-admm-2 m=6", "aa-admm-3 m=6", "aa-admm-4 m=6", "aadr m=6"];
+
 fn methods() -> Vec<(String, Option<Acceleration>)> {
     let of = |algorithm, window| Some(Acceleration::anderson(algorithm, window));
     let mut methods = vec![("admm".to_string(), None)];
@@ -93,13 +98,18 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
             table(&of.iter().filter(|c| c.has(Residual::Combined)).copied().collect::<Vec<_>>(), Residual::Combined)
         );
         let _ = writeln!(context.text, "{}", agreement(&of));
-        let shown: Vec<&Course> = of.iter().filter(|c| !c.method.contains("cleared")).copied().collect();
-        let panels = [
-            panel("forward", &shown, Residual::Forward, false),
-            panel("combined", &shown, Residual::Combined, false),
-            panel("forward", &shown, Residual::Forward, true),
-        ];
-        context.plot(&name.replace(' ', "-"), name, &panels)?;
+        // As many curves as there are colours.
+        let file = name.replace(' ', "-");
+        let windows: Vec<&Course> = of.iter().filter(|c| WINDOWS.contains(&c.method.as_str())).copied().collect();
+        let algorithms: Vec<&Course> = of.iter().filter(|c| ALGORITHMS.contains(&c.method.as_str())).copied().collect();
+        for (suffix, shown) in [("", windows), ("-algorithms", algorithms)] {
+            let panels = [
+                panel("forward", &shown, Residual::Forward, false),
+                panel("combined", &shown, Residual::Combined, false),
+                panel("forward", &shown, Residual::Forward, true),
+            ];
+            context.plot(&format!("{file}{suffix}"), name, &panels)?;
+        }
     }
     let _ = writeln!(context.text, "{cost}");
     context.csv = Some(csv(&courses));

@@ -186,18 +186,24 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
             let style = lines.len() / 2;
             let numbered = |v: &mut dyn Iterator<Item = f64>| v.enumerate().map(|(k, v)| (k as f64, v)).collect();
             let first = run.changes[0];
-            lines.push(Line {
-                label: name.clone(),
-                points: numbered(&mut run.changes.iter().map(|c| c / first).take_while(|c| *c > SHOWN)),
-                style,
-                marked: false,
-            });
-            lines.push(Line {
-                label: format!("{name}, proven"),
-                points: numbered(&mut (0..steps).map(|k| gamma.powi(k as i32)).take_while(|c| *c > SHOWN)),
-                style: 6,
-                marked: false,
-            });
+            lines.push((
+                order,
+                Line {
+                    label: name.clone(),
+                    points: numbered(&mut run.changes.iter().map(|c| c / first).take_while(|c| *c > SHOWN)),
+                    style,
+                    marked: false,
+                },
+            ));
+            lines.push((
+                order,
+                Line {
+                    label: "proven".to_string(),
+                    points: numbered(&mut (0..steps).map(|k| gamma.powi(k as i32)).take_while(|c| *c > SHOWN)),
+                    style: 6,
+                    marked: false,
+                },
+            ));
             if order == Order::Xzu {
                 // The last descents are differences of equal numbers.
                 let sound = run.changes.iter().take_while(|c| **c > 1e-5 * first).count();
@@ -221,7 +227,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
          until they are {ROUNDING:e} of z, which is rounding.\n\n{table}\n## Descent, Theorem 3.5\n\n{descent}"
     );
     let panel = |title: &str, order: Order| {
-        let lines: Vec<Line> = lines.iter().filter(|line| line.label.starts_with(order.as_str())).cloned().collect();
+        let lines: Vec<Line> = lines.iter().filter(|(of, _)| *of == order).map(|(_, line)| line.clone()).collect();
         let most = lines.iter().flat_map(|line| &line.points).map(|p| p.0).fold(0.0, f64::max);
         Panel {
             title: title.to_string(),
