@@ -1,7 +1,7 @@
 //! The bars of Zhang et al. 2019, Figures 2 and 3: generated, a step in time after another.
 
 use crate::BenchError;
-use proxel::model::elements::{Batch, BatchShape, BatchWeights, batch};
+use proxel::model::elements::{Batch, BatchShape, BatchWeights, Stiffness, batch};
 use proxel::model::energy::Lame;
 use proxel::split::{Admm, AdmmSettings, Direct, Inertia, Method, Problem, Quadratic, Term};
 use proxel_testkit::bars::{Bars, bars};
@@ -30,8 +30,48 @@ pub struct Scene {
     v: Vec<f64>,
     /// The frame that comes next, from 1; at frame k each end has moved (k + 1) dt.
     frame: usize,
-    /// Factor of the squared weights k V: mu.
+    /// Factor of the squared weights: mu.
     pub mu: f64,
+    /// What they are over the volume.
+    pub weights: Weights,
+}
+
+/// Squared weights over volume: the stiffness of an element, W of A(28) squared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Weights {
+    /// The bulk modulus k whatever the energy, as in the authors' implementation.
+    #[default]
+    Bulk,
+    /// The largest eigenvalue of the energy's Hessian at rest.
+    Largest,
+    /// The geometric mean of the largest and the least.
+    Mean,
+    /// The slope fit of Liu, Bouaziz and Kavan 2017.
+    Slope,
+}
+
+impl Weights {
+    /// All of them.
+    pub const ALL: [Weights; 4] = [Weights::Bulk, Weights::Largest, Weights::Mean, Weights::Slope];
+
+    /// As in tables.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Weights::Bulk => "bulk modulus",
+            Weights::Largest => "largest eigenvalue",
+            Weights::Mean => "mean eigenvalue",
+            Weights::Slope => "slope fit",
+        }
+    }
+
+    fn of(self, stiffness: Stiffness, lame: &Lame) -> f64 {
+        match self {
+            Weights::Bulk => lame.bulk(),
+            Weights::Largest => stiffness.largest,
+            Weights::Mean => stiffness.mean,
+            Weights::Slope => stiffness.slope,
+        }
+    }
 }
 
 impl Scene {
@@ -43,7 +83,7 @@ impl Scene {
         let bars = bars(ENERGIES.len(), cells, 4.0 / cells[0] as f64, 1.75);
         let lame = Lame::from_young_poisson(YOUNG, poisson).map_err(BenchError::from_display)?;
         let x: Vec<f64> = bars.vertices.iter().flatten().copied().collect();
-        let mut scene = Scene { v: vec![0.0; x.len()], x, bars, lame, frame: 1, mu: 1.0 };
+        let mut scene = Scene { v: vec![0.0; x.len()], x, bars, lame, frame: 1, mu: 1.0, weights: Weights::Bulk };
         scene.pull();
         Ok(scene)
     }
@@ -76,7 +116,10 @@ impl Scene {
         let n_free = self.bars.n_free;
         let x0 = self.start();
         let rest: Vec<f64> = self.bars.vertices.iter().flatten().copied().collect();
-        let weights = |_| BatchWeights { base: self.mu * self.lame.bulk(), softening: 1.0 };
+        let weights = |stiffness: Stiffness| BatchWeights {
+            base: self.mu * self.weights.of(stiffness, &self.lame),
+            softening: 1.0,
+        };
         let term = |(tets, energy): (&Vec<[u32; 4]>, &str)| -> Result<Box<dyn Term>, BenchError> {
             let of = Batch {
                 shape: BatchShape::Tetrahedra,

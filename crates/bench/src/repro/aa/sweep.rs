@@ -2,7 +2,7 @@
 
 use super::most;
 use crate::BenchError;
-use crate::bars::Scene;
+use crate::bars::{Scene, Weights};
 use crate::plot::{Axis, Line, Panel};
 use crate::repro::context::Context;
 use crate::table::Table;
@@ -113,7 +113,23 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
             table.row(row);
         }
         scene.mu = 1.0;
-        let _ = writeln!(context.text, "## {problem}: penalty and window, beta = 1\n\n{table}");
+        let mut weighed = Table::new(["W^2 / V", "admm", "m = 3", "m = 6"]);
+        for weights in Weights::ALL {
+            scene.weights = weights;
+            let mut row = vec![weights.as_str().to_string()];
+            for (name, how) in [("admm", None), ("aa-admm-3 m=3", with(3, 1.0)), ("aa-admm-3 m=6", with(6, 1.0))] {
+                let cost = cost(&scene, how, &exact, limit)?;
+                keep(&format!("{name} W={}", weights.as_str()), &cost);
+                row.push(cell(&cost));
+            }
+            context.tell(&format!("{problem}: W = {}", row.join("; ")));
+            weighed.row(row);
+        }
+        scene.weights = Weights::Bulk;
+        let _ = writeln!(
+            context.text,
+            "## {problem}: penalty and window, beta = 1\n\n{table}\n## {problem}: weights at rest, beta = 1\n\n{weighed}"
+        );
         let lines: Vec<Line> = curves
             .into_iter()
             .enumerate()
