@@ -8,6 +8,7 @@
 //!
 //! Real meshes are looked for in the folder that `PROXEL_DATA` names ([`data`]); what was found is said in every result.
 
+pub mod bars;
 pub mod data;
 pub mod disks;
 mod error;

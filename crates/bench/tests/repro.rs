@@ -206,3 +206,29 @@ fn figure9_counts_surfaces_by_their_time_a_vertex() {
     assert!(text.contains("4 surfaces") && text.contains("| auto |"), "{text}");
     assert!(read(&out, "wrapd-figure9.svg").contains("seconds a vertex"));
 }
+
+#[test]
+fn the_bars_of_aa_admm_and_their_rates() {
+    let out = folder("aa");
+    let options = Options { out: out.clone(), quick: true, ..Options::default() };
+    run("aa-figure2", &options, &mut |_| ()).expect("figure 2");
+    let csv = read(&out, "aa-figure2.csv");
+    assert!(csv.starts_with("problem,method,level,iterations,seconds,rejected,residual\n"), "{csv}");
+    let forward = |method: &str, level: &str| {
+        let start = format!("soft-rubber,{method},{level},");
+        let row = csv.lines().find(|l| l.starts_with(&start) && l.ends_with(",forward")).expect("a row");
+        row[start.len()..].split(',').next().and_then(|n| n.parse::<usize>().ok())
+    };
+    let plain = forward("admm", "1e-6").expect("reached");
+    for method in ["aa-admm-1 m=6", "aa-admm-2 m=6", "aa-admm-3 m=6", "aa-admm-4 m=6"] {
+        let accelerated = forward(method, "1e-6").expect("reached");
+        assert!(2 * accelerated < plain, "{method}: {accelerated} against {plain}");
+        assert!(forward(method, "1e-10").is_some(), "{method}");
+    }
+    assert!(read(&out, "aa-figure2-soft-rubber.svg").contains("normalised forward residual"));
+    run("aa-figure3", &options, &mut |_| ()).expect("figure 3");
+    assert!(read(&out, "aa-figure3.csv").contains("soft-rubber,over-relaxation 1.6,1e-6,"));
+    run("aa-linear-rate", &options, &mut |_| ()).expect("rates that are not above the proven ones");
+    let text = read(&out, "aa-linear-rate.md");
+    assert!(text.contains("rho(K)") && text.matches("| z-x-u |").count() == 3, "{text}");
+}

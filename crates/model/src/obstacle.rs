@@ -2,7 +2,7 @@
 
 use crate::points::Points;
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term};
+use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
 
 /// n . x >= h.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,12 +103,17 @@ impl<const D: usize> Term for Obstacle<D> {
     }
 
     fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
+        self.cycle_step(&Cycle::PLAIN, x, p, u, grad)
+    }
+
+    fn cycle_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
         let mut report = LocalReport::default();
         for (k, w2) in self.weight2.iter().enumerate() {
             let c: [f64; D] = self.points.at(k, x);
             let (mut v, mut force) = (c, [0.0; D]);
             for d in 0..D {
-                v[d] += u[k * D + d];
+                let i = k * D + d;
+                v[d] += u[i] + (cycle.relaxation - 1.0) * (c[d] - (p[i] + u[i]));
             }
             let push = (-self.plane.distance(&v)).max(0.0);
             self.quiet[k] = if push > 0.0 { 0 } else { self.quiet[k].saturating_add(1) };
@@ -118,9 +123,13 @@ impl<const D: usize> Term for Obstacle<D> {
                 let z = v[d] + push * self.plane.normal[d];
                 report.penalty_before += 0.5 * w2 * (c[d] - p[i]).powi(2);
                 report.moved2 += w2 * (z - before).powi(2);
-                u[i] = v[d] - z;
+                report.gap2_before += w2 * (c[d] - before).powi(2);
+                report.gap2 += w2 * (c[d] - z).powi(2);
+                report.penalty_after += 0.5 * w2 * (v[d] - z).powi(2);
+                if cycle.order == Order::Xzu {
+                    u[i] = v[d] - z;
+                }
                 p[i] = z - u[i];
-                report.penalty_after += 0.5 * w2 * u[i] * u[i];
                 let gap = c[d] - p[i];
                 report.objective += 0.5 * w2 * gap * gap;
                 force[d] = w2 * gap;

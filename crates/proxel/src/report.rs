@@ -167,7 +167,7 @@ pub struct TraceRow {
     pub inner: usize,
     /// Whether the system was factored anew after it.
     pub refactorised: bool,
-    /// Whether it was taken.
+    /// Whether its proposal was taken; an accelerated method has gone on from the last image where it was not.
     pub accepted: bool,
     /// Elements with a measure of zero or below.
     pub inverted: u64,

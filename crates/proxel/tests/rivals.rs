@@ -120,13 +120,10 @@ fn rejected_steps_happen_and_are_counted() {
         assert_eq!(report.accepted + report.rejected, report.iterations, "{method:?}");
         assert_eq!(rows.iter().skip(1).filter(|row| !row.accepted).count(), report.rejected, "{method:?}");
         assert!(report.primal_residual.unwrap() < 1e-6 && report.dual_residual.unwrap() < 1e-6, "{method:?}");
-        for pair in rows.windows(2).filter(|pair| !pair[1].accepted) {
-            // A rejected point is not seen: x stays, and its merit was no better.
-            assert_eq!(pair[0].energy.to_bits(), pair[1].energy.to_bits(), "{method:?}");
-        }
-        let merits: Vec<&TraceRow> = rows.iter().skip(1).collect();
-        for pair in merits.windows(2).filter(|pair| !pair[1].accepted && pair[0].accepted) {
-            assert!(pair[1].merit >= pair[0].merit * (1.0 - 1e-14), "{method:?}: {pair:?}");
+        // From the third iteration on points are accelerated, but for the one after a rejection that has cleared the history:
+        // what was taken has brought the merit down.
+        for pair in rows[2..].windows(2).filter(|pair| pair[0].accepted && pair[1].accepted) {
+            assert!(pair[1].merit <= pair[0].merit * (1.0 + 1e-14), "{method:?}: {pair:?}");
         }
     }
 }

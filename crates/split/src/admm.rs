@@ -8,10 +8,15 @@
 //! | R-ADMM | polar | [`crate::Lbfgs`] | none |
 //! | WRAPD | polar | [`crate::Lbfgs`] | W(22)-(23) |
 
+use crate::balancing::{Balance, Balancing};
 use crate::{
-    EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Problem, Residual, Residuals,
-    Reweighting, StepReport, SystemError, reweight::Settling,
+    BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Order,
+    Problem, Residual, Residuals, Reweighting, StepReport, SystemError, Term, Trial, reweight::Settling,
 };
+use rayon::prelude::*;
+
+/// Numbers handled by one task.
+const CHUNK: usize = 8192;
 
 /// How an [`Admm`] is put together.
 pub struct AdmmSettings {
@@ -44,6 +49,9 @@ pub struct Admm {
     u: Vec<Vec<f64>>, // scaled duals, likewise
     grad: Vec<f64>,   // gradient over the free nodes: of the global step's objective, or of the problem's
     moved2: f64,      // sum w^2 |z - z_before|^2 of the last local step
+    cycle: Cycle,
+    coupled: Vec<Vec<f64>>, // c(Dx) after the global step of the z-x-u order; else empty
+    balancing: Option<Balance>,
     settling: Settling,
     iteration: usize,
     energy: Option<EnergyReport>,
@@ -89,11 +97,85 @@ impl Admm {
             u,
             grad,
             moved2,
+            cycle: Cycle::PLAIN,
+            coupled: Vec::new(),
+            balancing: None,
             settling: Settling::default(),
             iteration,
             energy: None,
             evaluation: None,
         }
+    }
+
+    /// Runs another cycle from here on: the z-x-u order, over-relaxation.
+    ///
+    /// # Errors
+    /// A relaxation outside (0, 2), and one other than 1 in the z-x-u order.
+    pub fn with_cycle(mut self, cycle: Cycle) -> Result<Self, BuildError> {
+        let alpha = cycle.relaxation;
+        if !(alpha > 0.0 && alpha < 2.0) {
+            return Err(BuildError::Setting(format!("the relaxation is {alpha}; it must be between 0 and 2")));
+        }
+        if cycle.order == Order::Zxu && alpha != 1.0 {
+            return Err(BuildError::Setting("over-relaxation is one of the x-z-u order".to_string()));
+        }
+        self.coupled = match cycle.order {
+            Order::Xzu => Vec::new(),
+            Order::Zxu => self.u.clone(),
+        };
+        self.cycle = cycle;
+        Ok(self)
+    }
+
+    /// Balances the residuals by the penalty from here on.
+    pub fn with_balancing(mut self, balancing: Balancing) -> Self {
+        self.balancing = Some(Balance::new(balancing));
+        self
+    }
+
+    /// The terms of its problem.
+    pub(crate) fn terms(&self) -> &[Box<dyn Term>] {
+        &self.problem.terms
+    }
+
+    /// A free node that has no inertia, if there is one.
+    pub(crate) fn free_of_inertia(&self) -> Option<usize> {
+        let stiffness = self.problem.quadratic.inertia.stiffness();
+        (0..self.problem.n_free).find(|node| stiffness.get(*node).is_none_or(|k| *k == 0.0))
+    }
+
+    /// Iterations done.
+    pub fn iterations(&self) -> usize {
+        self.iteration
+    }
+
+    /// Order and relaxation.
+    pub fn cycle(&self) -> Cycle {
+        self.cycle
+    }
+
+    /// Whether weights may change while it runs.
+    pub fn is_reweighted(&self) -> bool {
+        self.settings.reweighting.is_some() || self.balancing.is_some()
+    }
+
+    /// Whether the global step ends at the minimiser, whatever it starts from.
+    pub fn is_exact(&self) -> bool {
+        self.settings.global.is_exact() && self.problem.quadratic.potentials.is_empty()
+    }
+
+    /// Raises or lowers the penalty where one residual is much larger than the other.
+    fn balance(&mut self, local: &LocalReport) -> Result<bool, SystemError> {
+        let Some(mu) = self.balancing.as_mut().and_then(|balance| balance.next(local.gap2, local.moved2)) else {
+            return Ok(false);
+        };
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
+            term.propose_weights((mu, mu));
+            term.take_weights(p, u);
+        }
+        self.normal.refactor(&self.problem)?;
+        self.settings.global.reset();
+        Ok(true)
     }
 
     /// Takes the candidate weights where one of them asks for it, W(22)-(23).
@@ -130,7 +212,26 @@ impl Admm {
                 u.fill(0.0);
             }
         }
-        self.problem.local_step(&self.x, &mut self.p, &mut self.u, &mut self.grad)
+        self.problem.cycle_step(&self.cycle, &self.x, &mut self.p, &mut self.u, &mut self.grad)
+    }
+
+    /// Gradient and value of the global step's objective, after p has been set from outside.
+    pub(crate) fn aim(&mut self, local: &mut LocalReport) {
+        local.objective = self.problem.penalty(&self.x, &self.p, &mut self.grad).value;
+    }
+
+    /// u <- c(Dx) - p, A(6) third line; z stays, p follows.
+    fn dual_step(&mut self) {
+        let locals = self.p.iter_mut().zip(&mut self.u).zip(&mut self.coupled);
+        for (term, ((p, u), coupled)) in self.problem.terms.iter_mut().zip(locals) {
+            term.couple(&self.x, coupled);
+            let numbers = p.par_iter_mut().zip(u.par_iter_mut()).zip(coupled.par_iter());
+            numbers.with_min_len(CHUNK).for_each(|((p, u), c)| {
+                let z = *p + *u;
+                *u = c - *p;
+                *p = z - *u;
+            });
+        }
     }
 
     /// The second half: W(10a), and the weights.
@@ -144,7 +245,10 @@ impl Admm {
         let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, &mut self.grad)?;
         self.energy = global.energy;
         self.moved2 = local.moved2;
-        let refactorised = self.reweight()?;
+        if self.cycle.order == Order::Zxu {
+            self.dual_step();
+        }
+        let refactorised = self.reweight()? || self.balance(&local)?;
         self.iteration += 1;
         Ok(StepReport {
             iteration: self.iteration,
@@ -153,14 +257,14 @@ impl Admm {
             accepted: true,
             energy_z: local.value_after,
             merit: None,
+            trial: Trial::default(),
             local,
         })
     }
 
-    /// Counts an iteration whose second half was not worth doing.
-    pub(crate) fn skip_global_half(&mut self) -> usize {
-        self.iteration += 1;
-        self.iteration
+    /// Iterations done, for an accelerator to take back those that it has rejected.
+    pub(crate) fn set_iteration(&mut self, iteration: usize) {
+        self.iteration = iteration;
     }
 
     /// Positions of the free nodes, p and u, for an accelerator to read and to set.
@@ -168,6 +272,14 @@ impl Admm {
         self.evaluation = None;
         self.energy = None;
         State { x: &mut self.x[..self.problem.n_free * self.problem.dim], p: &mut self.p, u: &mut self.u }
+    }
+
+    /// The same, and the problem that it is a state of.
+    pub(crate) fn state_and_problem(&mut self) -> (State<'_>, &mut Problem) {
+        self.evaluation = None;
+        self.energy = None;
+        let n = self.problem.n_free * self.problem.dim;
+        (State { x: &mut self.x[..n], p: &mut self.p, u: &mut self.u }, &mut self.problem)
     }
 
     /// The problem, x of all nodes, p and u.
@@ -196,6 +308,16 @@ impl Admm {
         &self.u
     }
 
+    /// z = p + u, all terms one after another.
+    pub fn local(&self) -> Vec<f64> {
+        self.p.iter().zip(&self.u).flat_map(|(p, u)| p.iter().zip(u).map(|(p, u)| p + u)).collect()
+    }
+
+    /// u, all terms one after another.
+    pub fn dual(&self) -> Vec<f64> {
+        self.u.concat()
+    }
+
     /// Whether the problem has second derivatives, and no equalities, so that Newton's method applies.
     pub fn has_curvature(&mut self) -> bool {
         let quadratic = &self.problem.quadratic;
@@ -208,7 +330,15 @@ impl Admm {
     /// Goes on from other positions, such as those of moved fixed nodes, after `change` has changed what is not an element:
     /// targets, loads, right-hand sides. The duals stay, which know the forces: z = c(D x), and u as it was.
     pub fn restart(&mut self, x: &[f64], change: impl FnOnce(&mut Problem)) {
+        self.restart_with(x, true, change);
+    }
+
+    /// The same, with u = 0 unless the duals are to be kept.
+    fn restart_with(&mut self, x: &[f64], keeps_duals: bool, change: impl FnOnce(&mut Problem)) {
         change(&mut self.problem);
+        if !keeps_duals {
+            self.u.iter_mut().for_each(|u| u.fill(0.0));
+        }
         self.x.copy_from_slice(x);
         self.problem.quadratic.equalities.enforce(&mut self.x, self.problem.dim);
         for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&self.u) {
@@ -256,6 +386,23 @@ impl Method for Admm {
             self.energy = Some(energy);
             Evaluation { energy, gradient_norm: self.problem.gradient_norm(&mut self.grad) }
         })
+    }
+
+    fn forward_residual(&mut self) -> Option<f64> {
+        let mut residual = Residual::default();
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
+            residual += term.residual(&self.x, p, u);
+        }
+        Some(residual.gap2)
+    }
+
+    fn begin(&mut self, x: &[f64], keeps_duals: bool, change: &mut dyn FnMut(&mut Problem)) -> Result<(), SystemError> {
+        if x.len() != self.x.len() {
+            let (got, want) = (x.len(), self.x.len());
+            return Err(SystemError::Stalled(format!("a start of {got} numbers for a problem of {want}")));
+        }
+        self.restart_with(x, keeps_duals, change);
+        self.problem.check().map_err(|e| SystemError::Factor(e.to_string()))
     }
 
     fn factor_bytes(&self) -> u64 {

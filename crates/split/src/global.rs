@@ -53,6 +53,11 @@ pub trait GlobalStep: Send {
         Precision::Double
     }
 
+    /// Whether it ends at the minimiser for linear couplings, whatever x it starts from.
+    fn is_exact(&self) -> bool {
+        false
+    }
+
     /// The weights have changed: forget what was learnt under the old ones.
     fn reset(&mut self);
 }
@@ -72,6 +77,10 @@ impl GlobalStep for Direct {
         normal.solve(grad)?;
         crate::vector::add_scaled(&mut x[..grad.len()], -1.0, grad);
         Ok(GlobalReport { inner: 1, solves: 1, shortened: 0, energy: None })
+    }
+
+    fn is_exact(&self) -> bool {
+        true
     }
 
     fn reset(&mut self) {}

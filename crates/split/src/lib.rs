@@ -15,16 +15,19 @@
 //! This crate knows no mesh, no energy and no application; it neither prints nor reads a clock.
 
 mod accelerated;
+mod accelerator;
 mod admm;
-mod anderson;
 mod auto;
+mod balancing;
 mod blend;
 mod curvature;
+mod cycle;
 mod equality;
 mod exhausted;
 mod form;
 mod global;
 mod guard;
+mod inertia;
 mod lbfgs;
 mod line_search;
 mod method;
@@ -44,20 +47,26 @@ mod term;
 mod untangle;
 pub mod vector;
 
-pub use accelerated::{AaAdmm, Aadr, Accelerated, Acceleration, CombinedResidual, Envelope, Merit};
+pub use accelerated::{
+    Accelerated, Acceleration, Algorithm, BuildError, Carrier, CombinedResidual, CombinedResidualZxu, DualAlone,
+    Envelope, Extrapolated, Extrapolation, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Merit,
+};
+pub use accelerator::{Accelerator, Anderson, Iterate, Kind, Momentum, Proposal, Unaccelerated};
 pub use admm::{Admm, AdmmSettings};
-pub use anderson::Anderson;
 pub use auto::{Auto, AutoSettings, Gains, Parts, Price, solver_for};
+pub use balancing::Balancing;
 pub use blend::Blend;
 pub use curvature::{Curvature, Projection};
+pub use cycle::{Cycle, Order};
 pub use equality::{Equalities, Equality, EqualityError};
 pub use exhausted::{Exhausted, RoundingReached};
 pub use form::SymmetricForm;
 pub use global::{Direct, GlobalReport, GlobalStep, Objective};
 pub use guard::InversionGuard;
+pub use inertia::Inertia;
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
 pub use line_search::{Backtracking, Landing, Ray};
-pub use method::{Evaluation, Method, Residuals, StepReport};
+pub use method::{Evaluation, Method, Residuals, StepReport, Trial, normalized};
 pub use newton::{
     Cg, CgEnd, CgReport, FactorCost, Found, Hessian, LinearSolver, Newton, NewtonSettings, ProjectionRule, Search,
 };
@@ -75,5 +84,5 @@ pub use run::{
     Verdict, run,
 };
 pub use system::{NormalMatrix, Precision, SystemError};
-pub use term::{EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
+pub use term::{DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
 pub use untangle::{Dial, Relax, Untangle};

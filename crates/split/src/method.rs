@@ -11,14 +11,38 @@ pub struct StepReport {
     pub inner: usize,
     /// Whether weights were changed and the system factored anew.
     pub refactorised: bool,
-    /// Whether the proposed iterate was taken.
+    /// Whether a point was taken: x has moved on.
     pub accepted: bool,
     /// sum g(z), the energy of the local variable; infinite where the method has none.
     pub energy_z: f64,
     /// What a safeguard judged the proposed iterate by; none where there is no safeguard.
     pub merit: Option<f64>,
+    /// What an accelerator tried.
+    pub trial: Trial,
     /// What the local step did.
     pub local: LocalReport,
+}
+
+impl StepReport {
+    /// Whether the first point that the iteration proposed was taken.
+    pub fn took_proposal(&self) -> bool {
+        self.accepted && self.trial.rejected == 0
+    }
+}
+
+/// What an accelerator did in one iteration; nothing where there is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Trial {
+    /// Whether the point that was taken is an accelerated one.
+    pub accelerated: bool,
+    /// Accelerated points that the safeguard refused before: each has cost what its merit needs.
+    pub rejected: usize,
+    /// Whether the history was dropped.
+    pub reset: bool,
+    /// Differences that the accelerated point was made of.
+    pub columns: usize,
+    /// How many of them were independent to rounding.
+    pub rank: usize,
 }
 
 /// Objective and gradient at the current x.
@@ -37,6 +61,12 @@ pub struct Residuals {
     pub primal: f64,
     /// |W(z - z_before)| / |W z|; infinite before the first iteration too.
     pub dual: f64,
+}
+
+/// sqrt(r / (N_z a^2)), A(27), of a squared residual r: N_z = [`Problem::local_dim`], a the typical size of the variables,
+/// for meshes the mean edge of the body at rest.
+pub fn normalized(square: f64, local_dim: usize, a: f64) -> f64 {
+    (square / local_dim.max(1) as f64).sqrt() / a
 }
 
 /// An algorithm in motion. It never stops by itself: [`crate::run`] asks its [`crate::Stop`]s.
@@ -81,6 +111,23 @@ pub trait Method: Send {
     /// How far the constraints are from holding; worked out when asked for.
     fn residuals(&mut self) -> Residuals {
         Residuals { primal: f64::INFINITY, dual: f64::INFINITY }
+    }
+
+    /// sum w^2 |c(Dx) - z|^2 at the end of a step: in the x-z-u order the square of the forward residual A(22), in the z-x-u
+    /// order that of the primal residual. [`crate::normalized`] makes the R_f of A(27) of it. None where there is no z.
+    fn forward_residual(&mut self) -> Option<f64> {
+        None
+    }
+
+    /// Begins a problem that differs from the one before in its start x and in what `change` does, which must leave the
+    /// normal matrix as it is: targets, loads, right-hand sides. The next step in time is one. z = c(Dx); u is kept, or
+    /// 0. Histories are dropped.
+    ///
+    /// # Errors
+    /// A method that cannot, a start that does not fit.
+    fn begin(&mut self, x: &[f64], keeps_duals: bool, change: &mut dyn FnMut(&mut Problem)) -> Result<(), SystemError> {
+        let _ = (x, keeps_duals, change);
+        Err(SystemError::Stalled(format!("{} cannot begin another problem on its matrices", self.name())))
     }
 
     /// The gradient of f(x) + 1/2 sum w^2 |c(Dx) - p|^2 over all nodes, fixed ones included: where z has converged, that of

@@ -1,7 +1,8 @@
 //! The problem: terms, a quadratic, a start.
 
 use crate::{
-    EnergyReport, Equalities, LocalReport, PenaltyReport, PointSpring, Potential, SymmetricForm, Term, vector,
+    Cycle, EnergyReport, Equalities, Inertia, LocalReport, PenaltyReport, PointSpring, Potential, SymmetricForm, Term,
+    vector,
 };
 use proxel_linalg::sparse::SymPattern;
 use std::sync::Arc;
@@ -10,10 +11,10 @@ use std::sync::Arc;
 ///
 /// ```text
 /// f(x) = sum_j k_j/2 |x_j - t_j|^2 + sum_p k_p/2 |sum_i w_pi x_i - t_p|^2 - sum_i b_i . x_i
-///        + 1/2 sum_c x_c^T K x_c + constant
+///        + 1/2 sum_c x_c^T K x_c + sum_i m_i/(2 dt^2) |x_i - y_i|^2 + constant
 /// ```
 ///
-/// Soft springs from nodes and from points that nodes carry, loads, and a quadratic form in each coordinate c.
+/// Soft springs from nodes and from points that nodes carry, loads, a quadratic form in each coordinate c, and inertia.
 #[derive(Clone, Debug, Default)]
 pub struct Quadratic {
     /// Soft springs: node, stiffness k_j, and the target t_j in the first `dim` entries.
@@ -24,6 +25,8 @@ pub struct Quadratic {
     pub loads: Vec<f64>,
     /// K over all nodes, such as the bending of thin sheets; or empty.
     pub form: SymmetricForm,
+    /// m_i/dt^2 and y_i of a time step; or empty.
+    pub inertia: Inertia,
     /// Smooth functions, such as pressure.
     pub potentials: Vec<Arc<dyn Potential>>,
     /// Rows sum a_i x_i = b.
@@ -50,6 +53,9 @@ impl Quadratic {
         }
         let mut grad = grad;
         value += self.form.value_and_gradient(x, dim, grad.as_deref_mut());
+        if !self.inertia.is_empty() {
+            value += self.inertia.value_and_gradient(x, grad.as_deref_mut());
+        }
         for potential in &self.potentials {
             value += potential.value_and_gradient(x, grad.as_deref_mut());
         }
@@ -166,6 +172,7 @@ impl Problem {
                 )));
             }
         }
+        self.quadratic.inertia.check(self.n(), self.dim)?;
         if !self.quadratic.form.is_empty() && self.quadratic.form.n() != self.n() {
             let (n, nodes) = (self.quadratic.form.n(), self.n());
             return Err(ProblemError::Shape(format!("the quadratic form is one of {n} nodes, there are {nodes}")));
@@ -199,6 +206,23 @@ impl Problem {
     /// convergence is a matter of residuals: [`crate::ResidualTolerance`].
     pub fn has_hard_sets(&self) -> bool {
         self.terms.iter().any(|term| term.is_hard())
+    }
+
+    /// Numbers in z that mean something: N_z of A(27).
+    pub fn local_dim(&self) -> usize {
+        self.terms.iter().map(|term| term.local_dim()).sum()
+    }
+
+    /// out <- D^T W^2 r over the free nodes, for linear couplings: what the transpose of A makes of a vector of the local
+    /// space. The dual residual A(7) of the x-z-u iteration is that of z - z_before.
+    pub fn adjoint(&mut self, r: &[Vec<f64>], out: &mut [f64]) {
+        // At x = 0 the gradient of 1/2 sum w^2 |Dx - p|^2 is -D^T W^2 p, without any rounding from x.
+        let origin = vec![0.0; self.x0.len()];
+        out.fill(0.0);
+        for (term, r) in self.terms.iter_mut().zip(r) {
+            let p: Vec<f64> = r.iter().map(|r| -r).collect();
+            term.penalty(&origin, &p, out);
+        }
     }
 
     /// Number of nodes.
@@ -237,10 +261,22 @@ impl Problem {
     /// The local step of every term, W(10b) and W(10c); `grad` is overwritten with the gradient of the objective of the
     /// global step where it begins.
     pub fn local_step(&mut self, x: &[f64], p: &mut [Vec<f64>], u: &mut [Vec<f64>], grad: &mut [f64]) -> LocalReport {
+        self.cycle_step(&Cycle::PLAIN, x, p, u, grad)
+    }
+
+    /// The same of a cycle, see [`Term::cycle_step`].
+    pub fn cycle_step(
+        &mut self,
+        cycle: &Cycle,
+        x: &[f64],
+        p: &mut [Vec<f64>],
+        u: &mut [Vec<f64>],
+        grad: &mut [f64],
+    ) -> LocalReport {
         grad.fill(0.0);
         let mut report = LocalReport::default();
         for ((term, p), u) in self.terms.iter_mut().zip(p).zip(u) {
-            report += term.local_step(x, p, u, grad);
+            report += term.cycle_step(cycle, x, p, u, grad);
         }
         report.objective += self.quadratic.value_and_gradient(x, self.dim, Some(grad));
         report

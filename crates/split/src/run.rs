@@ -184,9 +184,9 @@ pub struct Outcome {
     pub inner_iterations: usize,
     /// Factorisations after the first.
     pub refactorisations: usize,
-    /// Iterations taken and refused.
+    /// Iterations whose proposed point was taken.
     pub accepted: usize,
-    /// Iterations refused.
+    /// Iterations whose proposed point was refused; an accelerated method has gone on from the last image.
     pub rejected: usize,
     /// Elements whose prox missed its tolerance in the last iteration.
     pub missed: u64,
@@ -242,7 +242,7 @@ pub fn run(method: &mut dyn Method, stops: &mut [&mut dyn Stop], observer: &mut 
         };
         inner += report.inner;
         refactorisations += usize::from(report.refactorised);
-        *(if report.accepted { &mut accepted } else { &mut rejected }) += 1;
+        *(if report.took_proposal() { &mut accepted } else { &mut rejected }) += 1;
         if !vector::is_finite(method.x()) {
             break Verdict {
                 status: Status::Failed,

@@ -1,6 +1,6 @@
 //! What the splitting needs to know of a batch of like elements.
 
-use crate::{Curvature, Hardening};
+use crate::{Curvature, Cycle, Hardening, Order};
 use proxel_linalg::sparse::SymPattern;
 
 /// What a local step did, summed over the elements of a batch.
@@ -18,11 +18,21 @@ pub struct LocalReport {
     pub objective: f64,
     /// sum w^2 |z - z_before|^2, the square of the dual residual in local space.
     pub moved2: f64,
+    /// sum w^2 |c(Dx) - z|^2 before the step: in the x-z-u order the square of the forward residual A(22).
+    pub gap2_before: f64,
+    /// The same after the step: in the x-z-u order the square of the primal residual, in the z-x-u order that of the forward
+    /// residual A(24).
+    pub gap2: f64,
     /// Elements whose prox missed its tolerance.
     pub missed: u64,
 }
 
 impl LocalReport {
+    /// The combined residual A(11) of the x-z-u iteration, with the penalty in the weights: a square.
+    pub fn combined(&self) -> f64 {
+        self.gap2 + self.moved2
+    }
+
     /// The change of the augmented Lagrangian by this step, before the dual update: Delta L in W(17).
     pub fn lagrangian_change(&self) -> f64 {
         (self.value_after - self.value_before) + (self.penalty_after - self.penalty_before)
@@ -37,6 +47,8 @@ impl std::ops::AddAssign for LocalReport {
         self.penalty_after += o.penalty_after;
         self.objective += o.objective;
         self.moved2 += o.moved2;
+        self.gap2_before += o.gap2_before;
+        self.gap2 += o.gap2;
         self.missed += o.missed;
     }
 }
@@ -138,6 +150,19 @@ pub struct Scale {
     pub hessian: f64,
 }
 
+/// What the scaled dual is as a function of the local variable, A(21): u = W^-2 grad g(z).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DualMap {
+    /// No function that an extrapolated z could be put into: g is infinite outside a set, or has no derivative. A, appendix
+    /// E.1, (C3) and (C4) do not hold.
+    #[default]
+    None,
+    /// A smooth function of z, [`Term::dual`].
+    Smooth,
+    /// An affine one, and z an affine function of u: g is a strictly convex quadratic. A, appendix E.1 and E.2 both hold.
+    Affine,
+}
+
 /// A batch of like elements: one virtual call a batch and step, everything static inside.
 ///
 /// Positions x are flat, `dim` numbers a node. The first `n_free` nodes are unknowns, the others fixed; gradients have
@@ -162,6 +187,54 @@ pub trait Term: Send + Sync {
     /// z <- prox(c(Dx) + u), W(10b); u <- u + c(Dx) - z, W(10c); p <- z - u. The gradient of the penalty at x with the new
     /// p, where the global step begins, is added to `grad`: everything that it needs is at hand.
     fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport;
+
+    /// The local step of a cycle that may be over-relaxed, and in the z-x-u order: there z <- prox(c(Dx) + u), p <- z - u, and
+    /// u stays, which follows when x has moved; c(Dx) - p is then the new u. As before, the gradient of the penalty at x
+    /// with the new p is added to `grad`.
+    ///
+    /// The provided method takes [`Term::local_step`] and sets right what is different, with buffers of its own.
+    fn cycle_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
+        if cycle.is_plain() {
+            return self.local_step(x, p, u, grad);
+        }
+        let mut coupled = vec![0.0; p.len()];
+        self.couple(x, &mut coupled);
+        let dual = u.to_vec();
+        for ((u, p), c) in u.iter_mut().zip(p.iter()).zip(&coupled) {
+            let z = p + *u;
+            *u += (cycle.relaxation - 1.0) * (c - z);
+        }
+        if cycle.order == Order::Xzu {
+            return self.local_step(x, p, u, grad);
+        }
+        let mut report = self.local_step(x, p, u, &mut vec![0.0; grad.len()]);
+        for ((u, p), dual) in u.iter_mut().zip(p.iter_mut()).zip(dual) {
+            *p += *u - dual;
+            *u = dual;
+        }
+        report.objective = self.penalty(x, p, grad).value;
+        report
+    }
+
+    /// Numbers in a local vector that mean something: the dimension of z in A(27).
+    fn local_dim(&self) -> usize {
+        self.local_len()
+    }
+
+    /// Whether c is the identity, so that c(Dx) is linear in x.
+    fn is_linear(&self) -> bool {
+        true
+    }
+
+    /// What u is as a function of z.
+    fn dual_map(&self) -> DualMap {
+        DualMap::None
+    }
+
+    /// u <- W^-2 grad g(z), A(21), where [`Term::dual_map`] says that there is such a function; else u stays.
+    fn dual(&mut self, z: &[f64], u: &mut [f64]) {
+        let _ = (z, u);
+    }
 
     /// 1/2 sum w^2 |c(Dx) - p|^2, its gradient W(12) added to `grad`.
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport;

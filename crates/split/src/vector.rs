@@ -184,6 +184,49 @@ fn some_dots<'v>(
     sums
 }
 
+/// (v_i . a, v_i . b) for i = 0 .. m, with each vector read once for eight of them, `a` and `b` too.
+pub fn pairs_of_dots<'v>(
+    m: usize,
+    v: &(impl Fn(usize) -> &'v [f64] + Sync),
+    a: &[f64],
+    b: &[f64],
+    out: &mut Vec<(f64, f64)>,
+) {
+    out.clear();
+    for first in (0..m).step_by(AT_ONCE) {
+        let count = (m - first).min(AT_ONCE);
+        let sums = some_pairs(&|i| v(first + i), count, a, b, 0..a.len());
+        out.extend_from_slice(&sums[..count]);
+    }
+}
+
+fn some_pairs<'v>(
+    v: &(impl Fn(usize) -> &'v [f64] + Sync),
+    count: usize,
+    a: &[f64],
+    b: &[f64],
+    range: Range<usize>,
+) -> [(f64, f64); AT_ONCE] {
+    let mut sums = [(0.0, 0.0); AT_ONCE];
+    if range.len() <= LEAF {
+        for tile in tiles(range) {
+            for (i, sum) in sums[..count].iter_mut().enumerate() {
+                let part = &v(i)[tile.clone()];
+                sum.0 += dot_leaf(part, &a[tile.clone()]);
+                sum.1 += dot_leaf(part, &b[tile.clone()]);
+            }
+        }
+        return sums;
+    }
+    let m = range.start + middle(range.len());
+    let (l, r) =
+        rayon::join(|| some_pairs(v, count, a, b, range.start..m), || some_pairs(v, count, a, b, m..range.end));
+    for i in 0..AT_ONCE {
+        sums[i] = (l[i].0 + r[i].0, l[i].1 + r[i].1);
+    }
+    sums
+}
+
 /// out = a - sum_i c_i v_i
 pub fn subtract_combination<'v>(out: &mut [f64], a: &[f64], c: &[f64], v: &(impl Fn(usize) -> &'v [f64] + Sync)) {
     fn part<'v>(out: &mut [f64], from: usize, a: &[f64], c: &[f64], v: &(impl Fn(usize) -> &'v [f64] + Sync)) {
@@ -280,6 +323,14 @@ mod tests {
             assert_eq!(several.len(), 11);
             for (i, sum) in several.iter().enumerate() {
                 assert!((sum - dot(three(i % 3), &a)).abs() <= 1e-13 * scale + 1e-300, "n = {n}, product {i}");
+            }
+            let mut pairs = Vec::new();
+            pairs_of_dots(11, &|i| three(i % 3), &a, &b, &mut pairs);
+            assert_eq!(pairs.len(), 11);
+            for (i, pair) in pairs.iter().enumerate() {
+                let (with_a, with_b) = (dot(three(i % 3), &a), dot(three(i % 3), &b));
+                let sizes = norm(three(i % 3)) * (norm(&a) + norm(&b)) + 1e-300;
+                assert!((pair.0 - with_a).abs() + (pair.1 - with_b).abs() <= 1e-13 * sizes, "n = {n}, product {i}");
             }
             let mut scaled = vec![7.0; n];
             scale_to(&mut scaled, -3.0, &a);

@@ -275,12 +275,18 @@ impl<E: Energy<3>> Term for MetricElements<E> {
             report.penalty_after += 0.5 * volume * metric.norm2(&dual);
             report.objective += 0.5 * volume * metric.norm2(&plus(&stretch, -1.0, &aim));
             report.moved2 += volume * metric.norm2(&plus(&z, -1.0, &before));
+            report.gap2_before += volume * metric.norm2(&plus(&stretch, -1.0, &before));
+            report.gap2 += volume * metric.norm2(&plus(&stretch, -1.0, &z));
             report.missed += u64::from(!prox.converged);
             corners[e].add_forces(&penalty_gradient(&at, &aim, metric), grad);
             store(&dual, u);
             store(&aim, p);
         }
         report
+    }
+
+    fn is_linear(&self) -> bool {
+        false
     }
 
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {

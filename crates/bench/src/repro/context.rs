@@ -56,6 +56,8 @@ pub struct Context<'a> {
     pub runs: Vec<Run>,
     /// Further rows of the CSV.
     pub reached: Vec<Reached>,
+    /// The whole CSV, where a reproduction has columns of its own.
+    pub csv: Option<String>,
     levels: Vec<Level>,
     tell: &'a mut dyn FnMut(&str),
 }
@@ -68,7 +70,17 @@ impl<'a> Context<'a> {
         tell: &'a mut dyn FnMut(&str),
     ) -> Self {
         let levels = LEVELS.iter().copied().filter(|level| matches!(level, Level::Position(_))).collect();
-        Context { name, options, models, text: String::new(), runs: Vec::new(), reached: Vec::new(), levels, tell }
+        Context {
+            name,
+            options,
+            models,
+            text: String::new(),
+            runs: Vec::new(),
+            reached: Vec::new(),
+            csv: None,
+            levels,
+            tell,
+        }
     }
 
     /// Says what is being done.
@@ -100,6 +112,17 @@ impl<'a> Context<'a> {
              vertices; energy error: (E - E*) / (E_0 - E*).",
             env!("CARGO_PKG_VERSION"),
             self.max_iters(),
+        )
+    }
+
+    /// The same of time steps, whose levels are residuals.
+    pub fn step_conditions(&self) -> String {
+        let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let threads = self.options.threads.unwrap_or(processors);
+        format!(
+            "Proxel {}, {threads} threads of {processors} processors. Seconds are wall time of iterations, without \
+             factorisations.",
+            env!("CARGO_PKG_VERSION"),
         )
     }
 
@@ -187,7 +210,7 @@ impl<'a> Context<'a> {
             let cells = at.map_or_else(|| ",".to_string(), |(iterations, seconds)| format!("{iterations},{seconds}"));
             let _ = writeln!(csv, "{problem},{method},{level},{cells}");
         }
-        table::write(&file("csv"), &csv)?;
+        table::write(&file("csv"), self.csv.as_ref().unwrap_or(&csv))?;
         (self.tell)(&format!("wrote {}", file("md").display()));
         Ok(())
     }

@@ -3,6 +3,7 @@
 //! Each writes NAME.md, NAME.csv (problem, method, level, iterations, seconds: a row a level, empty cells where it was not
 //! reached) and its plots, and says which data it found.
 
+mod aa;
 mod comparison;
 mod context;
 mod figure2;
@@ -60,7 +61,7 @@ pub enum Kind {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 19] = [
+pub const ALL: [Reproduction; 23] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -188,6 +189,34 @@ pub const ALL: [Reproduction; 19] = [
         run: maps::figures::figure11,
     },
     Reproduction {
+        name: "aa-figure2",
+        about: "three bars, Algorithms 1 to 4 of AA-ADMM beside plain ADMM: residuals against iterations and time",
+        models: &[],
+        kind: Kind::Standalone,
+        run: aa::figure2::run,
+    },
+    Reproduction {
+        name: "aa-figure3",
+        about: "the same bars: over-relaxation, fast ADMM, type-I Anderson and others beside AA-ADMM",
+        models: &[],
+        kind: Kind::Standalone,
+        run: aa::figure3::run,
+    },
+    Reproduction {
+        name: "aa-linear-rate",
+        about: "the linear rates that Theorems 3.3 and 3.4 of AA-ADMM prove, and the descent of 3.5, checked on a small bar",
+        models: &[],
+        kind: Kind::Standalone,
+        run: aa::linear_rate::run,
+    },
+    Reproduction {
+        name: "aa-sweep",
+        about: "Algorithm 3 of AA-ADMM on the bars: window, mixing parameter and penalty",
+        models: &[],
+        kind: Kind::Standalone,
+        run: aa::sweep::run,
+    },
+    Reproduction {
         name: "unwrap-robustness",
         about: "thousands of random disks mapped at defaults: how many end flip-free and converged",
         models: &[],
@@ -223,7 +252,11 @@ pub fn run(name: &str, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<
             return context.finish();
         }
     }
-    let conditions = if reproduction.is_of_maps() { context.map_conditions() } else { context.conditions() };
+    let conditions = match reproduction {
+        of if of.is_of_maps() => context.map_conditions(),
+        of if of.name.starts_with("aa-") => context.step_conditions(),
+        _ => context.conditions(),
+    };
     let _ = writeln!(context.text, "{conditions}\n");
     (reproduction.run)(&mut context)?;
     context.finish()

@@ -112,6 +112,11 @@ impl Chunks {
         &self.local[c * size..((c + 1) * size).min(self.local.len())]
     }
 
+    /// Number of blocks of chunk c.
+    pub fn blocks_of(&self, c: usize) -> usize {
+        self.local_of(c).len() / (self.corners * LANES)
+    }
+
     /// The nodes of the element at `place` of the sorted order.
     pub fn element(&self, place: usize) -> impl Iterator<Item = u32> + '_ {
         let (b, lane) = (place / LANES, place % LANES);

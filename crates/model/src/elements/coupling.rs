@@ -47,6 +47,9 @@ pub trait Coupling<const D: usize, const K: usize>: Send + Sync + 'static {
     /// a - b
     fn subtract<T: Real>(a: &Self::Local<T>, b: &Self::Local<T>) -> Self::Local<T>;
 
+    /// k a
+    fn times<T: Real>(a: &Self::Local<T>, k: f64) -> Self::Local<T>;
+
     /// |a|^2 in the Frobenius norm.
     fn norm2<T: Real>(a: &Self::Local<T>) -> T;
 
@@ -165,6 +168,10 @@ where
         entrywise(a, b, -1.0)
     }
     #[inline(always)]
+    fn times<T: Real>(a: &[[T; K]; D], k: f64) -> [[T; K]; D] {
+        a.map(|row| row.map(|v| v * k))
+    }
+    #[inline(always)]
     fn norm2<T: Real>(a: &[[T; K]; D]) -> T {
         norm2(a)
     }
@@ -244,6 +251,10 @@ where
     #[inline(always)]
     fn subtract<T: Real>(a: &[[T; K]; K], b: &[[T; K]; K]) -> [[T; K]; K] {
         add_symmetric(a, b, -1.0)
+    }
+    #[inline(always)]
+    fn times<T: Real>(a: &[[T; K]; K], k: f64) -> [[T; K]; K] {
+        a.map(|row| row.map(|v| v * k))
     }
     #[inline(always)]
     fn norm2<T: Real>(a: &[[T; K]; K]) -> T {

@@ -43,6 +43,12 @@ pub trait Density<const K: usize>: Send + Sync {
     /// Hard limits that the density has of its own: [`Energy::limits`].
     fn limits(&self) -> Option<(f64, f64)>;
 
+    /// Whether the density is infinite where a stretch is not positive: [`Energy::BARRIER`].
+    fn is_barrier(&self) -> bool;
+
+    /// Whether the density is a strictly convex quadratic of the stretches: [`Energy::QUADRATIC`].
+    fn is_quadratic(&self) -> bool;
+
     /// Whether a solution has no element with a measure of zero or below: [`Energy::PROX_POSITIVE`].
     fn is_positive(&self) -> bool;
 
@@ -224,6 +230,14 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
 
     fn limits(&self) -> Option<(f64, f64)> {
         Energy::limits(self)
+    }
+
+    fn is_barrier(&self) -> bool {
+        E::BARRIER
+    }
+
+    fn is_quadratic(&self) -> bool {
+        E::QUADRATIC
     }
 
     fn is_positive(&self) -> bool {

@@ -5,7 +5,7 @@ use super::matrix::compose;
 use super::passes::{Chunk, GROUP, Shared};
 use super::shape::{Decomposed, Shape, Simplex, block, block_mut};
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real};
-use proxel_split::{EnergyReport, LocalReport, PenaltyReport, Residual};
+use proxel_split::{EnergyReport, LocalReport, Order, PenaltyReport, Residual};
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -16,9 +16,9 @@ pub(super) const KEPT: usize = 21;
 pub(super) struct Scratch {
     pub stretches: [f64; GROUP * LANES * 3],
     signs: [f64; GROUP * LANES * 3],
-    pub at: [f64; GROUP * LANES * KEPT], // what is known of F
-    frame: [f64; GROUP * LANES * KEPT],  // of v = c(Dx) + u
-    inverse: [f64; GROUP * LANES * 9],   // inverse rest edges
+    pub at: [f64; GROUP * LANES * KEPT],    // what is known of F
+    pub frame: [f64; GROUP * LANES * KEPT], // of v = c(Dx) + u
+    inverse: [f64; GROUP * LANES * 9],      // inverse rest edges
 }
 
 impl Scratch {
@@ -210,7 +210,8 @@ where
     #[inline(always)]
     fn run<I: Isa>(self) -> LocalReport {
         let s = self.shared;
-        let mut penalty = F8::<I>::zero();
+        let (mut penalty, mut gap) = (F8::<I>::zero(), F8::<I>::zero());
+        let relaxation = s.cycle.relaxation;
         for (place, b) in self.group.enumerate() {
             let (at, inverse) = visit::<I, C, D, K>(s, self.chunk, b);
             C::keep(&at, block_mut(&mut self.scratch.at, place, KEPT));
@@ -218,12 +219,17 @@ where
             let (p_at, u_at) = (block_mut(self.p, b, C::LOCAL), block_mut(self.u, b, C::LOCAL));
             let (p, u) = (C::load::<I>(p_at), C::load::<I>(u_at));
             let c = C::couple(&at);
+            let z = C::add(&p, &u);
+            let apart = C::subtract(&c, &z);
             let v = C::add(&c, &u);
+            // alpha c + (1 - alpha) z + u, which is v where alpha is 1: nothing is computed then that could round.
+            let v = if relaxation == 1.0 { v } else { C::add(&v, &C::times(&apart, relaxation - 1.0)) };
             C::store(&v, u_at);
-            C::store(&C::add(&p, &u), p_at);
+            C::store(&z, p_at);
+            let weight2 = F8::load_at(s.weight2, self.chunk.global(b));
             // c + u - z = c - p
-            penalty =
-                C::norm2(&C::subtract(&c, &p)).mul_add(F8::load_at(s.weight2, self.chunk.global(b)) * 0.5, penalty);
+            penalty = C::norm2(&C::subtract(&c, &p)).mul_add(weight2 * 0.5, penalty);
+            gap = C::norm2(&apart).mul_add(weight2, gap);
             let mut frame: Decomposed<F8<I>, D, K> = C::frame(&v);
             if s.singular_values {
                 let signs = singular_signs(&frame.s);
@@ -237,7 +243,7 @@ where
             }
             frame.keep(block_mut(&mut self.scratch.frame, place, KEPT));
         }
-        LocalReport { penalty_before: penalty.sum(), ..Default::default() }
+        LocalReport { penalty_before: penalty.sum(), gap2_before: gap.sum(), ..Default::default() }
     }
 }
 
@@ -283,7 +289,8 @@ where
     fn run<I: Isa>(self) -> LocalReport {
         let s = self.shared;
         let zero = F8::<I>::zero();
-        let (mut penalty, mut objective, mut moved2) = (zero, zero, zero);
+        let (mut penalty, mut objective, mut moved2, mut gap) = (zero, zero, zero, zero);
+        let dual_follows = s.cycle.order == Order::Zxu;
         for (place, b) in self.group.enumerate() {
             let global = self.chunk.global(b);
             let weight2 = F8::<I>::load_at(s.weight2, global);
@@ -294,14 +301,17 @@ where
             }
             let z = C::in_frame(&frame);
             let (p_at, u_at) = (block_mut(self.p, b, C::LOCAL), block_mut(self.u, b, C::LOCAL));
-            let u = C::subtract(&C::load::<I>(u_at), &z);
+            let at = C::kept::<I>(block(&self.scratch.at, place, KEPT));
+            let (c, v) = (C::couple(&at), C::load::<I>(u_at));
+            let left = C::subtract(&v, &z);
+            let u = if dual_follows { C::subtract(&v, &c) } else { left };
             let p = C::subtract(&z, &u);
             moved2 = C::norm2(&C::subtract(&z, &C::load::<I>(p_at))).mul_add(weight2, moved2);
-            penalty = C::norm2(&u).mul_add(weight2 * 0.5, penalty);
+            gap = C::norm2(&C::subtract(&c, &z)).mul_add(weight2, gap);
+            penalty = C::norm2(&left).mul_add(weight2 * 0.5, penalty);
             C::store(&p, p_at);
             C::store(&u, u_at);
-            let at = C::kept::<I>(block(&self.scratch.at, place, KEPT));
-            objective = C::norm2(&C::subtract(&C::couple(&at), &p)).mul_add(weight2 * 0.5, objective);
+            objective = C::norm2(&C::subtract(&c, &p)).mul_add(weight2 * 0.5, objective);
             let inverse: [[F8<I>; K]; K] = load_rows(block(&self.scratch.inverse, place, 9), 0);
             add_forces(&C::penalty_gradient(&at, &p), weight2, &inverse, self.chunk.local(b), self.partials);
         }
@@ -309,6 +319,7 @@ where
             penalty_after: penalty.sum(),
             objective: objective.sum(),
             moved2: moved2.sum(),
+            gap2: gap.sum(),
             ..Default::default()
         }
     }

@@ -7,6 +7,7 @@ mod curvature;
 #[cfg(test)]
 mod curvature_tests;
 mod density;
+mod dual;
 mod hardening;
 mod kernels;
 mod matrix;
@@ -32,7 +33,9 @@ use pairs::Pairs;
 use passes::{Chunk, Largest, Nothing, Piece, Shared, Sizes, over_chunks};
 use proxel_linalg::simd::{LANES, dispatch};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{Curvature, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term};
+use proxel_split::{
+    Curvature, Cycle, DualMap, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term,
+};
 use shape::block;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -156,6 +159,7 @@ macro_rules! shared {
             p: $p,
             u: $u,
             singular_values: $self.singular_values,
+            cycle: proxel_split::Cycle::PLAIN,
         }
     };
 }
@@ -216,9 +220,13 @@ where
     }
 
     fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
+        self.cycle_step(&Cycle::PLAIN, x, p, u, grad)
+    }
+
+    fn cycle_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
         let range = self.all_chunks();
         let limits = self.limits;
-        let shared = shared!(self, x: x, p: &[], u: &[]);
+        let shared = Shared { cycle: *cycle, ..shared!(self, x: x, p: &[], u: &[]) };
         let piece = Piece { near: &mut self.near, partials: &mut self.partials, warm: &mut self.warm, p, u };
         let report = over_chunks(&self.chunks, piece, range, &Self::SIZES, &|c, piece| {
             let chunk = Chunk::new(shared.chunks, c, shared.x, D, piece.near);
@@ -264,6 +272,27 @@ where
         });
         self.chunks.add_partials::<D>(&self.partials, grad);
         report
+    }
+
+    fn local_dim(&self) -> usize {
+        self.chunks.n_elems() * C::LOCAL
+    }
+
+    fn is_linear(&self) -> bool {
+        !C::SYMMETRIC
+    }
+
+    /// Affine where g is a quadratic of what is split off, as that of |S - I|^2 is of S. A barrier's domain is not affine.
+    fn dual_map(&self) -> DualMap {
+        match () {
+            () if self.is_hard() || self.energy.is_barrier() => DualMap::None,
+            () if C::SYMMETRIC && self.energy.is_quadratic() => DualMap::Affine,
+            () => DualMap::Smooth,
+        }
+    }
+
+    fn dual(&mut self, z: &[f64], u: &mut [f64]) {
+        self.dual_of(z, u);
     }
 
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {

@@ -3,6 +3,7 @@
 use super::chunks::{BLOCKS, Chunks};
 use super::density::Density;
 use proxel_linalg::simd::LANES;
+use proxel_split::Cycle;
 
 /// Blocks that a pass handles at a time, on a scratch pad that stays in the first-level cache.
 pub(super) const GROUP: usize = 4;
@@ -19,6 +20,7 @@ pub(super) struct Shared<'a, const K: usize> {
     pub p: &'a [f64],       // where a pass only reads them
     pub u: &'a [f64],
     pub singular_values: bool, // whether the prox takes signed singular values of a symmetric v
+    pub cycle: Cycle,          // how the local step is taken
 }
 
 /// What a pass may write of a run of chunks; unused parts are empty.
@@ -127,8 +129,7 @@ impl<'a> Chunk<'a> {
 
     /// Groups of blocks of this chunk.
     pub fn groups(&self) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
-        let n = self.local.len() / (self.corners * LANES);
-        (0..n).step_by(GROUP).map(move |from| from..(from + GROUP).min(n))
+        groups(self.local.len() / (self.corners * LANES))
     }
 
     /// Where a block of this chunk stands among all blocks.
@@ -136,6 +137,11 @@ impl<'a> Chunk<'a> {
     pub fn global(&self, b: usize) -> usize {
         self.index * BLOCKS + b
     }
+}
+
+/// The groups of a chunk of n blocks.
+pub(super) fn groups(n: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+    (0..n).step_by(GROUP).map(move |from| from..(from + GROUP).min(n))
 }
 
 /// The report of a pass that has nothing to say.

@@ -23,6 +23,7 @@ impl Default for Arap {
 impl<const K: usize> Energy<K> for Arap {
     const NAME: &'static str = "arap";
     const SEPARABLE: bool = true;
+    const QUADRATIC: bool = true;
 
     /// scale = mu.
     fn from_lame(lame: &Lame) -> Self {

@@ -14,6 +14,7 @@ pub struct Corotated {
 impl<const K: usize> Energy<K> for Corotated {
     const NAME: &'static str = "corotated";
     const SEPARABLE: bool = true;
+    const QUADRATIC: bool = true;
 
     fn from_lame(lame: &Lame) -> Self {
         Corotated { bulk: lame.bulk() }

@@ -49,6 +49,7 @@ impl<const K: usize, E: Energy<K>> Energy<K> for Limited<E> {
     const BARRIER: bool = E::BARRIER;
     const PROX_POSITIVE: bool = true;
     const SEPARABLE: bool = E::SEPARABLE;
+    const QUADRATIC: bool = false;
 
     /// Without limits other than positive stretches; [`Limited::new`] sets them.
     fn from_lame(lame: &Lame) -> Self {

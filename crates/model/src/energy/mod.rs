@@ -136,6 +136,9 @@ pub trait Energy<const K: usize>: Clone + Send + Sync + 'static {
     /// Whether psi is a sum of convex functions of one stretch each; a prox within a box is then the prox, clamped.
     const SEPARABLE: bool = false;
 
+    /// Whether psi is k/2 sum (s_i - 1)^2 with k > 0.
+    const QUADRATIC: bool = false;
+
     /// The energy of a material. What the moduli mean to an energy that does not stem from elasticity is told at each.
     fn from_lame(lame: &Lame) -> Self;
 

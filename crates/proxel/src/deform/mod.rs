@@ -30,9 +30,9 @@ use crate::settings::{DeformSettings, MethodName};
 use embedded::Carrying;
 use proxel_mesh::Mesh;
 use proxel_split::{
-    AaAdmm, Aadr, Admm, AdmmSettings, Auto, Cancel, Direct, Equality, GlobalStep, GradientTolerance, IterationLimit,
-    Lbfgs, Method, Newton, NoProgress, Outcome, PatchGradient, PointSpring, Problem, QuasiNewton, ResidualTolerance,
-    Residuals, Status, Stop, SystemError,
+    Acceleration, Admm, AdmmSettings, Algorithm, Auto, Cancel, Direct, Equality, GlobalStep, GradientTolerance,
+    IterationLimit, Lbfgs, Method, Newton, NoProgress, Outcome, PatchGradient, PointSpring, Problem, QuasiNewton,
+    ResidualTolerance, Residuals, Status, Stop, SystemError,
 };
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -302,13 +302,16 @@ fn method(problem: Problem, settings: &DeformSettings) -> Result<Box<dyn Method>
         MethodName::Lbfgs => Box::new(QuasiNewton::new(problem, settings.lbfgs.to_method(name.as_str(), false))?),
         MethodName::Bcqn => Box::new(QuasiNewton::new(problem, settings.bcqn.to_method(name.as_str(), true))?),
         _ => {
+            let hard = problem.has_hard_sets();
             let admm = splitting(problem, settings)?;
             let windows = &settings.anderson;
+            // Under a hard set only the variable that is updated second may be accelerated: Remark 3.1 of A.
+            let both = if hard { Algorithm::Two } else { Algorithm::One };
             match (name, windows.others) {
-                (MethodName::AaAdmm, _) => Box::new(AaAdmm::new(admm, windows.aa_admm)),
-                (MethodName::Aadr, _) => Box::new(Aadr::new(admm, windows.aadr)),
+                (MethodName::AaAdmm, _) => Acceleration::anderson(both, windows.aa_admm).of(admm)?,
+                (MethodName::Aadr, _) => Acceleration::anderson(Algorithm::Envelope, windows.aadr).of(admm)?,
                 (_, 0) => Box::new(admm),
-                (_, window) => Box::new(AaAdmm::new(admm, window)),
+                (_, window) => Acceleration::anderson(both, window).of(admm)?,
             }
         }
     })

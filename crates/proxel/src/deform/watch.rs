@@ -73,7 +73,7 @@ impl Observer for Watcher<'_, '_> {
                 merit: report.merit.unwrap_or(f64::INFINITY),
                 inner: report.inner,
                 refactorised: report.refactorised,
-                accepted: report.accepted,
+                accepted: report.took_proposal(),
                 inverted: evaluation.energy.inverted,
             });
         }

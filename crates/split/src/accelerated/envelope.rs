@@ -1,7 +1,8 @@
 //! The Douglas-Rachford envelope.
 
-use super::{Acceleration, CHUNK, Merit};
-use crate::{LocalReport, Problem, vector};
+use super::carrier::{CHUNK, Carrier, Extrapolated, check_order, packed_weights, scaled};
+use super::{BuildError, Merit};
+use crate::{Admm, LocalReport, Order, Problem, vector};
 use rayon::prelude::*;
 
 /// The Douglas-Rachford iteration on s and its envelope (Ouyang et al. 2020; Themelis and Patrinos 2020), for the identity
@@ -16,27 +17,36 @@ use rayon::prelude::*;
 /// eliminated f is the quadratic of the problem, or 0.
 pub struct Envelope {
     weights: Vec<f64>,  // w, an entry for each of z
+    sensed: Vec<f64>,   // W s
     residual: Vec<f64>, // W (Dx - z)
     scaled_u: Vec<f64>, // W u
     coupled: Vec<Vec<f64>>,
 }
 
-impl Acceleration for Envelope {
-    const CARRIES_Z: bool = false;
+impl Carrier for Envelope {
+    const NAME: &'static str = "aadr";
+    const ORDER: Order = Order::Xzu;
+    const EXTRAPOLATED: Extrapolated = Extrapolated::PositionsAndDual;
+    const LATE: bool = true;
     const KEEPS_HISTORY: bool = true;
 
+    /// Hard sets are no obstacle: z follows from s by the prox.
+    fn check(admm: &Admm) -> Result<(), BuildError> {
+        check_order(admm, Self::NAME, Self::ORDER)
+    }
+
     fn new(problem: &Problem) -> Self {
-        let weights = super::packed_weights(problem);
+        let weights = packed_weights(problem);
         let zeros = vec![0.0; weights.len()];
         let coupled = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
-        Envelope { residual: zeros.clone(), scaled_u: zeros, weights, coupled }
+        Envelope { sensed: zeros.clone(), residual: zeros.clone(), scaled_u: zeros, weights, coupled }
     }
 
     fn reweighted(&mut self, problem: &Problem) {
-        self.weights = super::packed_weights(problem);
+        self.weights = packed_weights(problem);
     }
 
-    fn before(&mut self, _: &[Vec<f64>], _: &[Vec<f64>]) {}
+    fn before(&mut self, _: &mut Problem, _: &[f64], _: &[Vec<f64>], _: &[Vec<f64>]) {}
 
     fn after_local(&mut self, _: &[Vec<f64>], _: &[Vec<f64>], _: &LocalReport) -> Option<Merit> {
         None
@@ -49,24 +59,30 @@ impl Acceleration for Envelope {
         p: &[Vec<f64>],
         u: &[Vec<f64>],
         local: &LocalReport,
-    ) -> Merit {
-        let (mut residual, mut scaled) = (self.residual.as_mut_slice(), self.scaled_u.as_mut_slice());
+    ) -> Option<Merit> {
+        let (mut residual, mut duals) = (self.residual.as_mut_slice(), self.scaled_u.as_mut_slice());
         let mut weights = self.weights.as_slice();
         for (((term, coupled), p), u) in problem.terms.iter_mut().zip(&mut self.coupled).zip(p).zip(u) {
             term.couple(x, coupled);
             let (r_head, r_tail) = residual.split_at_mut(p.len());
-            let (s_head, s_tail) = scaled.split_at_mut(p.len());
+            let (s_head, s_tail) = duals.split_at_mut(p.len());
             let (w_head, w_tail) = weights.split_at(p.len());
             let to = r_head.par_iter_mut().zip(s_head).zip(w_head);
             to.zip(coupled.par_iter().zip(p).zip(u)).with_min_len(CHUNK).for_each(|(((r, s), w), ((c, p), u))| {
                 *r = w * (c - (p + u));
                 *s = w * u;
             });
-            (residual, scaled, weights) = (r_tail, s_tail, w_tail);
+            (residual, duals, weights) = (r_tail, s_tail, w_tail);
         }
         let f = problem.quadratic.value_and_gradient(x, problem.dim, None);
         let (square, product) = vector::two_dots(&self.residual, &self.residual, &self.scaled_u);
-        Merit { value: f + local.value_after + product + 0.5 * square, residual: square.sqrt() }
+        // s = z + u: z is its prox, u what is left.
+        scaled(&mut self.sensed, &self.weights, p, u, |p, u| p + 2.0 * u);
+        Some(Merit { value: f + local.value_after + product + 0.5 * square, residual: square.sqrt() })
+    }
+
+    fn sensed(&self) -> &[f64] {
+        &self.sensed
     }
 
     fn residual(&self) -> &[f64] {

@@ -11,7 +11,7 @@ pub use search::{Found, Search};
 
 use crate::{
     EnergyReport, Evaluation, Exhausted, InversionGuard, LocalReport, Method, NormalMatrix, Problem, Projection,
-    StepReport, SystemError, vector,
+    StepReport, SystemError, Trial, vector,
 };
 
 /// How a Newton system is solved.
@@ -281,6 +281,7 @@ impl Method for Newton {
             refactorised: self.factorisations > before,
             accepted,
             energy_z: f64::INFINITY,
+            trial: Trial::default(),
             local: LocalReport::default(),
         })
     }

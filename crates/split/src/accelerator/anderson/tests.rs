@@ -45,7 +45,7 @@ fn norms(affine: &Affine, window: usize, steps: usize, metric: f64) -> Vec<f64> 
             let g = affine.at(&q);
             let f = residual(&g, &q);
             let scaled: Vec<f64> = f.iter().map(|f| f * metric).collect();
-            anderson.next(&g, &scaled, &mut q);
+            anderson.extrapolate(&g, &scaled, &mut q);
             vector::norm(&f)
         })
         .collect()
@@ -80,7 +80,7 @@ fn without_a_window_it_is_the_iteration_itself() {
     let mut anderson = Anderson::new(0);
     for _ in 0..10 {
         let g = affine.at(&q);
-        anderson.next(&g, &residual(&g, &q), &mut q);
+        anderson.extrapolate(&g, &residual(&g, &q), &mut q);
         assert_eq!(q, g);
     }
 }
@@ -103,7 +103,7 @@ fn what_rides_along_is_extrapolated_alike() {
         let f = residual(&g, &q);
         let mut longer = g.clone();
         longer.push(3.0 + g.iter().sum::<f64>());
-        anderson.next(&longer, &f, &mut carried);
+        anderson.extrapolate(&longer, &f, &mut carried);
         q.copy_from_slice(&carried[..7]);
         assert!((carried[7] - (3.0 + q.iter().sum::<f64>())).abs() < 1e-12);
     }
@@ -120,7 +120,7 @@ fn a_reset_forgets() {
         }
         let g = affine.at(&q);
         let f = residual(&g, &q);
-        anderson.next(&g, &f, &mut q);
+        anderson.extrapolate(&g, &f, &mut q);
         assert_eq!(q == g, k == 0 || k == 3, "step {k}");
         assert_eq!(anderson.columns(), k % 3);
     }
@@ -130,12 +130,12 @@ fn a_reset_forgets() {
 fn what_is_not_finite_and_what_stands_still_is_let_be() {
     let mut anderson = Anderson::new(3);
     let mut out = vec![0.0; 2];
-    anderson.next(&[1.0, 2.0], &[1.0, 1.0], &mut out);
-    anderson.next(&[1.0, 3.0], &[f64::NAN, 1.0], &mut out);
+    anderson.extrapolate(&[1.0, 2.0], &[1.0, 1.0], &mut out);
+    anderson.extrapolate(&[1.0, 3.0], &[f64::NAN, 1.0], &mut out);
     assert_eq!(out, [1.0, 3.0]);
-    anderson.next(&[1.0, 4.0], &[1.0, 1.0], &mut out);
+    anderson.extrapolate(&[1.0, 4.0], &[1.0, 1.0], &mut out);
     assert_eq!(out, [1.0, 4.0]);
-    anderson.next(&[1.0, 5.0], &[1.0, 1.0], &mut out);
+    anderson.extrapolate(&[1.0, 5.0], &[1.0, 1.0], &mut out);
     assert_eq!(out, [1.0, 5.0], "no difference, nothing to learn");
 }
 
@@ -150,7 +150,7 @@ fn the_same_bits_on_any_number_of_threads() {
             for _ in 0..7 {
                 let g: Vec<f64> = q.iter().enumerate().map(|(i, q)| (0.5 + (i % 7) as f64 * 0.07) * q.sin()).collect();
                 let f = residual(&g, &q);
-                anderson.next(&g, &f, &mut q);
+                anderson.extrapolate(&g, &f, &mut q);
             }
             q.iter().map(|q| q.to_bits()).collect::<Vec<_>>()
         })

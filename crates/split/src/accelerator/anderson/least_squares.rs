@@ -36,16 +36,18 @@ impl LeastSquares {
         self.right[i] = product;
     }
 
-    /// theta over the first n columns.
-    pub fn solve(&mut self, n: usize) -> &[f64] {
+    /// theta over the first n columns, and their rank.
+    pub fn solve(&mut self, n: usize) -> (&[f64], usize) {
         let m = self.window;
         self.work.copy_from_slice(&self.gram);
         self.theta[..n].fill(0.0);
         eigen(&mut self.work, &mut self.vectors, m, n);
+        let mut rank = 0;
         let largest = (0..n).map(|k| self.work[k * m + k]).fold(0.0, f64::max);
         for k in 0..n {
             let value = self.work[k * m + k];
             if value > RANK * largest {
+                rank += 1;
                 let product: f64 = (0..n).map(|i| self.vectors[i * m + k] * self.right[i]).sum();
                 for i in 0..n {
                     self.theta[i] += self.vectors[i * m + k] * product / value;
@@ -54,7 +56,7 @@ impl LeastSquares {
                 self.theta[..n].fill(f64::NAN);
             }
         }
-        &self.theta[..n]
+        (&self.theta[..n], rank)
     }
 }
 
@@ -117,7 +119,8 @@ mod tests {
         for (i, product) in [2.0, 2.0, 3.0].into_iter().enumerate() {
             problem.set_right(i, product);
         }
-        let theta = problem.solve(3);
+        let (theta, rank) = problem.solve(3);
+        assert_eq!(rank, 2);
         for (theta, wanted) in theta.iter().zip([1.0, 1.0, 3.0]) {
             assert!((theta - wanted).abs() < 1e-14, "{theta} for {wanted}");
         }
@@ -128,6 +131,6 @@ mod tests {
         let mut problem = LeastSquares::new(2);
         problem.set(0, 0, f64::NAN);
         problem.set_right(0, 1.0);
-        assert!(problem.solve(1)[0].is_nan());
+        assert!(problem.solve(1).0[0].is_nan());
     }
 }

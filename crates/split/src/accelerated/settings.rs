@@ -1,0 +1,136 @@
+//! From a description to a method.
+
+use super::{
+    Accelerated, BuildError, CombinedResidual, CombinedResidualZxu, DualAlone, Envelope, ForwardResidual,
+    ForwardResidualZxu, History, LocalAlone,
+};
+use crate::accelerator::{Accelerator, Anderson, Kind, Momentum, Unaccelerated};
+use crate::{Admm, Cycle, Method, Order};
+
+/// What is accelerated: the carriers by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Algorithm {
+    /// A, Algorithm 1: z and u, x-z-u.
+    #[default]
+    One,
+    /// A, Algorithm 2: x and u, z-x-u.
+    Two,
+    /// A, Algorithm 3: z, x-z-u.
+    Three,
+    /// A, Algorithm 4: u, z-x-u.
+    Four,
+    /// z alone, x-z-u, where the dual is affine: A, appendix E.1.
+    LocalAlone,
+    /// u alone, x-z-u, where the dual is affine: A, appendix E.2.
+    DualAlone,
+    /// Douglas-Rachford: Ouyang et al. 2020.
+    Envelope,
+}
+
+impl Algorithm {
+    /// The order of its steps.
+    pub fn order(self) -> Order {
+        match self {
+            Algorithm::Two | Algorithm::Four => Order::Zxu,
+            _ => Order::Xzu,
+        }
+    }
+
+    /// The one of A that the iteration allows, of those that accelerate the fewest numbers: 3, else 4, else 1 or, with hard
+    /// sets, 2.
+    pub fn of(admm: &Admm) -> Algorithm {
+        let hard = admm.terms().iter().any(|term| term.is_hard());
+        let exact = admm.is_exact() && !admm.is_reweighted() && admm.terms().iter().all(|term| term.is_linear());
+        let smooth = admm.terms().iter().all(|term| term.dual_map() >= crate::DualMap::Smooth);
+        match () {
+            () if exact && smooth && !hard => Algorithm::Three,
+            () if exact && admm.free_of_inertia().is_none() => Algorithm::Four,
+            () if hard => Algorithm::Two,
+            () => Algorithm::One,
+        }
+    }
+}
+
+/// What proposes points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Extrapolation {
+    /// [`Anderson`] of a window, a mixing parameter beta and a kind.
+    Anderson {
+        /// m
+        window: usize,
+        /// beta
+        mixing: f64,
+        /// Type I or II.
+        kind: Kind,
+    },
+    /// [`Momentum`] with restart, with Guler's correction or without.
+    Momentum {
+        /// eta of the restart.
+        eta: f64,
+        /// Whether it is corrected.
+        corrected: bool,
+    },
+    /// Nothing.
+    None,
+}
+
+impl Extrapolation {
+    /// Type II, beta = 1.
+    pub fn anderson(window: usize) -> Self {
+        Extrapolation::Anderson { window, mixing: 1.0, kind: Kind::Two }
+    }
+
+    fn accelerator(self) -> Result<Box<dyn Accelerator>, BuildError> {
+        Ok(match self {
+            Extrapolation::Anderson { mixing, .. } if !(mixing > 0.0 && mixing <= 1.0) => {
+                return Err(BuildError::Setting(format!("the mixing parameter is {mixing}; it must be in (0, 1]")));
+            }
+            Extrapolation::Anderson { window, mixing, kind } => {
+                Box::new(Anderson::new(window).with_mixing(mixing).of_kind(kind))
+            }
+            Extrapolation::Momentum { eta, .. } if !(eta > 0.0 && eta < 1.0) => {
+                return Err(BuildError::Setting(format!("eta of the restart is {eta}; it must be between 0 and 1")));
+            }
+            Extrapolation::Momentum { eta, corrected: false } => Box::new(Momentum::new(eta)),
+            Extrapolation::Momentum { eta, corrected: true } => Box::new(Momentum::new(eta).corrected()),
+            Extrapolation::None => Box::new(Unaccelerated),
+        })
+    }
+}
+
+/// How an [`Admm`] is accelerated: a description, of which [`Acceleration::of`] makes a method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Acceleration {
+    /// What is accelerated.
+    pub algorithm: Algorithm,
+    /// By what.
+    pub by: Extrapolation,
+    /// What a rejection does to the history.
+    pub history: History,
+}
+
+impl Acceleration {
+    /// Anderson of m = `window` columns on what the algorithm accelerates.
+    pub fn anderson(algorithm: Algorithm, window: usize) -> Self {
+        Acceleration { algorithm, by: Extrapolation::anderson(window), history: History::AsPublished }
+    }
+
+    /// The iteration, in the order of the algorithm, accelerated.
+    ///
+    /// # Errors
+    /// An algorithm whose conditions the problem does not meet, a number that makes no sense.
+    pub fn of(&self, admm: Admm) -> Result<Box<dyn Method>, BuildError> {
+        let cycle = Cycle { order: self.algorithm.order(), ..admm.cycle() };
+        let admm = admm.with_cycle(cycle)?;
+        let (by, history) = (self.by.accelerator()?, self.history);
+        Ok(match self.algorithm {
+            Algorithm::One => Box::new(Accelerated::<CombinedResidual>::new(admm, by, history)?),
+            Algorithm::Two => Box::new(Accelerated::<CombinedResidualZxu>::new(admm, by, history)?),
+            Algorithm::Three => Box::new(Accelerated::<ForwardResidual>::new(admm, by, history)?),
+            Algorithm::Four => Box::new(Accelerated::<ForwardResidualZxu>::new(admm, by, history)?),
+            Algorithm::LocalAlone => Box::new(Accelerated::<LocalAlone>::new(admm, by, history)?),
+            Algorithm::DualAlone => Box::new(Accelerated::<DualAlone>::new(admm, by, history)?),
+            Algorithm::Envelope => Box::new(Accelerated::<Envelope>::new(admm, by, history)?),
+        })
+    }
+}

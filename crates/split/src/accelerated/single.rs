@@ -1,0 +1,196 @@
+//! One variable alone: A, Algorithms 3 and 4, and appendix E.
+
+use super::carrier::{
+    Carrier, Extrapolated, check_duals, check_exact, check_order, check_sets, packed_weights, scaled, subtract,
+};
+use super::{BuildError, Merit};
+use crate::{Admm, DualMap, LocalReport, Order, Problem, Residual};
+
+/// The variable before a cycle and its change, in the metric of the splitting.
+struct Change {
+    weights: Vec<f64>,
+    sensed: Vec<f64>,
+    residual: Vec<f64>,
+}
+
+impl Change {
+    fn new(problem: &Problem) -> Self {
+        let weights = packed_weights(problem);
+        let zeros = vec![0.0; weights.len()];
+        Change { residual: zeros.clone(), sensed: zeros, weights }
+    }
+
+    fn begin(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], value: impl Fn(f64, f64) -> f64 + Sync) {
+        scaled(&mut self.sensed, &self.weights, p, u, value);
+    }
+
+    fn end(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], value: impl Fn(f64, f64) -> f64 + Sync) {
+        scaled(&mut self.residual, &self.weights, p, u, value);
+        subtract(&mut self.residual, &self.sensed);
+    }
+}
+
+/// What all of them say of themselves.
+macro_rules! of_change {
+    () => {
+        fn new(problem: &Problem) -> Self {
+            Self(Change::new(problem))
+        }
+
+        fn reweighted(&mut self, problem: &Problem) {
+            self.0.weights = packed_weights(problem);
+        }
+
+        fn sensed(&self) -> &[f64] {
+            &self.0.sensed
+        }
+
+        fn residual(&self) -> &[f64] {
+            &self.0.residual
+        }
+    };
+}
+
+/// A, Algorithm 3: z as the fixed point of the x-z-u iteration, which it is where u follows from z by A(21) (Proposition
+/// 3.1; appendix E.1), and the forward residual |W(c(Dx) - z)|^2 of the next x as its merit, A(22): it vanishes exactly at
+/// fixed points (Proposition 3.2). An accelerated z gets the u of A(21) and a solve for its x; a rejected one costs another
+/// solve.
+pub struct ForwardResidual(Change);
+
+impl Carrier for ForwardResidual {
+    const NAME: &'static str = "algorithm 3";
+    const ORDER: Order = Order::Xzu;
+    const EXTRAPOLATED: Extrapolated = Extrapolated::Local;
+    const LEADS: bool = true;
+    const LATE: bool = true;
+    const KEEPS_HISTORY: bool = true;
+
+    fn check(admm: &Admm) -> Result<(), BuildError> {
+        check_order(admm, Self::NAME, Self::ORDER)?;
+        check_sets(admm, Self::NAME)?;
+        check_exact(admm, Self::NAME)?;
+        check_duals(admm, Self::NAME, DualMap::Smooth)
+    }
+
+    of_change!();
+
+    fn before(&mut self, _: &mut Problem, _: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
+        self.0.begin(p, u, |p, u| p + u);
+    }
+
+    fn after_local(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], _: &LocalReport) -> Option<Merit> {
+        self.0.end(p, u, |p, u| p + u);
+        None
+    }
+
+    fn after_global(
+        &mut self,
+        problem: &mut Problem,
+        x: &[f64],
+        p: &[Vec<f64>],
+        u: &[Vec<f64>],
+        _: &LocalReport,
+    ) -> Option<Merit> {
+        let mut residual = Residual::default();
+        for ((term, p), u) in problem.terms.iter_mut().zip(p).zip(u) {
+            residual += term.residual(x, p, u);
+        }
+        Some(Merit::of_square(residual.gap2))
+    }
+}
+
+/// A, Algorithm 4: u as the fixed point of the z-x-u iteration, which it is where f is a strongly convex quadratic, so that
+/// x follows from u by A(23) (Proposition 3.3), and the forward residual |W(c(Dx) - z)|^2 of the next z as its merit, A(24):
+/// it vanishes exactly at fixed points (Proposition 3.4). x rides along by the coefficients of u, which keeps A(23). A
+/// rejected point costs another local step.
+pub struct ForwardResidualZxu(Change);
+
+impl Carrier for ForwardResidualZxu {
+    const NAME: &'static str = "algorithm 4";
+    const ORDER: Order = Order::Zxu;
+    const EXTRAPOLATED: Extrapolated = Extrapolated::PositionsAndDual;
+    const SETTLES: usize = 1;
+    const KEEPS_HISTORY: bool = false;
+
+    fn check(admm: &Admm) -> Result<(), BuildError> {
+        check_order(admm, Self::NAME, Self::ORDER)?;
+        check_exact(admm, Self::NAME)?;
+        match admm.free_of_inertia() {
+            Some(node) => Err(BuildError::NoInertia { node }),
+            None => Ok(()),
+        }
+    }
+
+    of_change!();
+
+    fn before(&mut self, _: &mut Problem, _: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
+        self.0.begin(p, u, |_, u| u);
+    }
+
+    fn after_local(&mut self, _: &[Vec<f64>], _: &[Vec<f64>], local: &LocalReport) -> Option<Merit> {
+        Some(Merit::of_square(local.gap2))
+    }
+
+    fn after_global(
+        &mut self,
+        _: &mut Problem,
+        _: &[f64],
+        p: &[Vec<f64>],
+        u: &[Vec<f64>],
+        _: &LocalReport,
+    ) -> Option<Merit> {
+        self.0.end(p, u, |_, u| u);
+        None
+    }
+}
+
+/// z alone where u is an affine function of it (A, appendix E.1; Figure 11): as Algorithm 3, but u and x ride along by the
+/// coefficients of z, so that an accelerated point costs no solve of its own. Its merit is the forward residual A(22),
+/// which the local step finds.
+pub struct LocalAlone(Change);
+
+/// u alone where z is an affine function of it (A, appendix E.2): z and x ride along by the coefficients of u.
+pub struct DualAlone(Change);
+
+macro_rules! affine {
+    ($carrier:ident, $name:literal, $value:expr) => {
+        impl Carrier for $carrier {
+            const NAME: &'static str = $name;
+            const ORDER: Order = Order::Xzu;
+            const EXTRAPOLATED: Extrapolated = Extrapolated::All;
+            const SETTLES: usize = 1;
+            const KEEPS_HISTORY: bool = true;
+
+            fn check(admm: &Admm) -> Result<(), BuildError> {
+                check_order(admm, Self::NAME, Self::ORDER)?;
+                check_sets(admm, Self::NAME)?;
+                check_duals(admm, Self::NAME, DualMap::Affine)
+            }
+
+            of_change!();
+
+            fn before(&mut self, _: &mut Problem, _: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
+                self.0.begin(p, u, $value);
+            }
+
+            fn after_local(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], local: &LocalReport) -> Option<Merit> {
+                self.0.end(p, u, $value);
+                Some(Merit::of_square(local.gap2_before))
+            }
+
+            fn after_global(
+                &mut self,
+                _: &mut Problem,
+                _: &[f64],
+                _: &[Vec<f64>],
+                _: &[Vec<f64>],
+                _: &LocalReport,
+            ) -> Option<Merit> {
+                None
+            }
+        }
+    };
+}
+
+affine!(LocalAlone, "z alone", |p, u| p + u);
+affine!(DualAlone, "u alone", |_, u| u);
