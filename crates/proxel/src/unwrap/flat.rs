@@ -10,6 +10,9 @@ const THIN: f64 = 1e-10;
 /// What is added to the sides of such a triangle, in mean edges of the chart.
 const PADDING: f64 = 1e-4;
 
+/// How much a stand-in counts in what is minimised: enough to keep it from flipping, too little to be seen in the map.
+const STAND_IN: f64 = 1e-6;
+
 /// Triangles summed by one task.
 const CHUNK: usize = 4096;
 
@@ -57,6 +60,18 @@ impl<'a> Flat<'a> {
             shapes[*t as usize] = from_sides(sides).map(|row| row.map(|v| v * scale));
         }
         Some(Flat { points, triangles, loops, shapes: shapes.into(), degenerate, scale })
+    }
+
+    /// How much each triangle counts in what is minimised; none where all count alike.
+    pub(super) fn counted(&self, weights: Option<&[f64]>) -> Option<Vec<f64>> {
+        if self.degenerate.is_empty() {
+            return weights.map(<[f64]>::to_vec);
+        }
+        let mut counted = weights.map_or_else(|| vec![1.0; self.triangles.len()], <[f64]>::to_vec);
+        for t in &self.degenerate {
+            counted[*t as usize] *= STAND_IN;
+        }
+        Some(counted)
     }
 
     /// Whether a triangle has a shape of its own, so that it counts in energies.

@@ -173,7 +173,7 @@ fn unwrap_here(
     let degenerate = sum(&|m| m.degenerate);
     if degenerate > 0 {
         repaired.push(format!(
-            "{}: {degenerate} triangles have no area; each got a small one in the map, and counts in no energy",
+            "{}: {degenerate} triangles have no area; each got a small one in the map, and hardly counts in what is minimised",
             mesh.name
         ));
     }

@@ -65,7 +65,7 @@ pub(super) fn term(
         positions: &[],
         flattened: Some(Flattened { shapes: &chart.shapes, centers: &centers(chart), n_nodes }),
         elements: &order.elements(chart),
-        fill: input.weights.as_deref(),
+        fill: chart.counted(input.weights.as_deref()).as_deref(),
         energy: &settings.energy,
         lame: &lame,
         limits: None,
@@ -100,7 +100,7 @@ impl Relaxed {
             shapes: chart.shapes.clone(),
             centers: centers(chart),
             elements: order.elements(chart),
-            weights: input.weights.clone(),
+            weights: chart.counted(input.weights.as_deref()),
             x0: vec![0.0; 2 * chart.points.len()],
             n_free: order.n_free,
         })

@@ -166,7 +166,8 @@ impl Term for Chain {
     fn add_characteristic_force(&self, _: &mut [f64]) {}
 
     fn scale(&self) -> Scale {
-        Scale { measure: self.lengths.iter().sum(), weight2: self.weight2.iter().sum(), hessian: 1.0 }
+        let (measure, weight2) = (self.lengths.iter().sum(), self.weight2.iter().sum());
+        Scale { measure, weight2, energy: 0.5 * weight2, hessian: 1.0 }
     }
 
     fn local_weights2(&self, out: &mut [f64]) {
