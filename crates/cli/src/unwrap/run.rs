@@ -7,14 +7,11 @@ use proxel::report::MapReport;
 use proxel::settings::UnwrapSettings;
 use proxel::split::Status;
 use proxel::unwrap::{Hooks, MapRow, Progress, UnwrapInput, Unwrapped, unwrap};
-use proxel_mesh::uv::{
-    Certificate, CertificateOptions, Source, UvMap, as_stored, certify, check_source, read_uv, read_uv_onto,
-    require_uv_format, seams_of, write_with_uv,
-};
-use proxel_mesh::{Format, Mesh, read_mesh_lenient};
+use proxel_mesh::uv::{Certificate, read_uv, require_uv_format, seams_of};
+use proxel_mesh::{Mesh, read_mesh_lenient};
 
 use super::pictures::Pictures;
-use super::{UnwrapArgs, lists};
+use super::{UnwrapArgs, lists, original};
 use crate::args::show_settings;
 use crate::files::{Outputs, peak_bytes, write_text};
 use crate::interrupt::{CANCELLED, Interrupt};
@@ -43,7 +40,7 @@ pub fn run(args: &UnwrapArgs) -> Result<u8, Refusal> {
     let interrupt = Interrupt::listen()?;
     let began = Instant::now();
     let input = read(args, path)?;
-    check_original(path, out, &input.mesh)?;
+    original::check(path, out, &input.mesh)?;
     let read = began.elapsed().as_secs_f64();
     let job = Job { source: Some(path), files: &files, input: &input, read, quiet: args.solve.quiet };
     job.run(&settings, &interrupt)
@@ -150,7 +147,7 @@ impl Job<'_> {
         // A map that is not finite is none; anything else is kept, whatever became of the run.
         let kept = result.uv.coordinates.iter().flatten().all(|v| v.is_finite());
         if kept {
-            let certificate = self.write_map(mesh, &mut result)?;
+            let certificate = original::write_map(self.source, &self.files.out, mesh, &mut result)?;
             written.push(self.files.out.display().to_string());
             certified(&mut result, &certificate, mesh);
             self.draw(mesh, &result, &mut written)?;
@@ -197,79 +194,6 @@ impl Job<'_> {
         written.extend([map, surface, heat].into_iter().flatten().map(|path| path.display().to_string()));
         Ok(())
     }
-
-    /// Writes the map, reads it back and examines it.
-    fn write_map(&self, mesh: &Mesh, result: &mut Unwrapped) -> Result<Certificate, Refusal> {
-        let original = self.source.map_or(Ok(None), |path| Original::read(path, &self.files.out))?;
-        let source = original.as_ref().map(Original::source);
-        let warnings = write_with_uv(&self.files.out, mesh, source, &result.uv)?;
-        result.report.warnings.extend(warnings);
-        let options = CertificateOptions { reversed_faces: result.charts.reversed_faces.clone() };
-        let written = Format::from_path(&self.files.out)?;
-        if is_gltf(written) {
-            // Its vertices are not the user's, and without a source of the same kind its triangles neither: what it
-            // stores of the map is.
-            let map = match source {
-                Some(_) => on_mapped(read_uv_onto(&self.files.out, mesh)?.unwrap_or_default(), &result.uv),
-                None => as_stored(&result.uv, written),
-            };
-            return Ok(certify(&mesh.points, &mesh.faces, &map, &options)?);
-        }
-        let back = read_mesh_lenient(&self.files.out)?;
-        let map = read_uv(&self.files.out)?.unwrap_or_default();
-        Ok(certify(&back.points, &back.faces, &map, &options)?)
-    }
-}
-
-/// The file that a mesh was read from, where its attributes go to the output.
-struct Original<'a> {
-    format: Format,
-    path: &'a Path,
-    name: String,
-    data: Vec<u8>,
-}
-
-impl<'a> Original<'a> {
-    /// None where the output is of another kind.
-    fn read(path: &'a Path, out: &Path) -> Result<Option<Self>, Refusal> {
-        let (Ok(format), to) = (Format::from_path(path), Format::from_path(out)?) else { return Ok(None) };
-        let keeps = format == to && matches!(format, Format::Obj | Format::Ply) || is_gltf(format) && is_gltf(to);
-        if !keeps {
-            return Ok(None);
-        }
-        let name = path.display().to_string();
-        let data = std::fs::read(path).map_err(|e| {
-            Refusal::new(format!("{name}: cannot be read again: {e}; leave it there until the map is written"))
-        })?;
-        Ok(Some(Original { format, path, name, data }))
-    }
-
-    fn source(&self) -> Source<'_> {
-        Source { format: self.format, file: &self.name, data: &self.data, folder: self.path.parent() }
-    }
-}
-
-/// Checks before the solve that what is read past can be kept; the bytes are read again then.
-fn check_original(path: &Path, out: &Path, mesh: &Mesh) -> Result<(), Refusal> {
-    let to = Format::from_path(out)?;
-    match Original::read(path, out)?.filter(|_| is_gltf(to)) {
-        Some(original) => Ok(check_source(to, mesh, original.source())?),
-        None => Ok(()),
-    }
-}
-
-fn is_gltf(format: Format) -> bool {
-    matches!(format, Format::Gltf | Format::Glb)
-}
-
-/// A map as it was read, less the faces that are not mapped: glTF has no other way to leave one out than (0, 0).
-fn on_mapped(mut read: UvMap, uv: &UvMap) -> UvMap {
-    for (corner, &wanted) in read.corners.iter_mut().zip(&uv.corners) {
-        if wanted == UvMap::NONE {
-            *corner = UvMap::NONE;
-        }
-    }
-    read
 }
 
 /// Puts what was found in the file into the report; a map with flips has not converged, whatever the run says, nor has one

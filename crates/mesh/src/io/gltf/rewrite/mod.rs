@@ -88,6 +88,7 @@ pub(crate) fn rewrite(
         let target = meshes.of(&group, &mut root);
         let division = divide(&group)?;
         let mut carried = BTreeMap::new();
+        let mut zeros = None;
         let coordinates = fresh.texcoords(&division)?;
         for (piece, indices) in group.pieces.iter().zip(&division.indices) {
             let bad =
@@ -121,7 +122,10 @@ pub(crate) fn rewrite(
             if let Some(mut targets) = targets {
                 // All primitives of a mesh have as many targets; one that is empty displaces by nothing.
                 for target in targets.iter_mut().filter(|t| t.is_empty()) {
-                    target.insert("POSITION".into(), json!(fresh.zeros(division.origins.len())));
+                    target.insert(
+                        "POSITION".into(),
+                        json!(zeros.get_or_insert_with(|| fresh.zeros(division.origins.len()))),
+                    );
                 }
                 primitive.insert("targets".into(), json!(targets));
             }
