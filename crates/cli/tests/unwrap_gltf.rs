@@ -20,7 +20,7 @@ fn put(folder: &Folder) -> Value {
         let a = cell / N * (N + 1) + cell % N;
         [a, a + 1, a + N + 2, a, a + N + 2, a + N + 1].iter().for_each(|i| bytes.extend(i.to_le_bytes()));
     }
-    std::fs::write(folder.path.join("in.bin"), &bytes).unwrap();
+    std::fs::write(folder.0.join("in.bin"), &bytes).unwrap();
     let half = usize::from(N * N) * 3;
     let primitive = |material: usize| json!({ "attributes": { "POSITION": 0, "COLOR_0": 1 }, "indices": 2 + material, "material": material });
     let index = |from: usize| json!({ "bufferView": 2, "byteOffset": 2 * from, "componentType": 5123, "count": half, "type": "SCALAR" });
@@ -50,7 +50,7 @@ fn put(folder: &Folder) -> Value {
 fn materials_nodes_and_textures_are_kept() {
     let folder = Folder::new("unwrap-gltf");
     let old = put(&folder);
-    std::fs::create_dir(folder.path.join("maps")).unwrap();
+    std::fs::create_dir(folder.0.join("maps")).unwrap();
     folder.run("unwrap in.gltf --out maps/out.gltf --report r.json").is(0);
     let r: Value = serde_json::from_str(&folder.read("r.json")).unwrap();
     assert_eq!(
@@ -76,7 +76,7 @@ fn materials_nodes_and_textures_are_kept() {
         }
     }
     // The same surface as OBJ has the same map, which glTF rounds.
-    folder.run("convert in.gltf in.obj").is(0);
+    folder.run("convert in.gltf --out in.obj").is(0);
     folder.run("unwrap in.obj --out out.obj --report obj.json").is(0);
     let obj: Value = serde_json::from_str(&folder.read("obj.json")).unwrap();
     close(obj["energy"].as_f64().unwrap(), r["energy"].as_f64().unwrap(), 1e-5);
