@@ -122,10 +122,8 @@ pub(crate) fn rewrite(
             if let Some(mut targets) = targets {
                 // All primitives of a mesh have as many targets; one that is empty displaces by nothing.
                 for target in targets.iter_mut().filter(|t| t.is_empty()) {
-                    target.insert(
-                        "POSITION".into(),
-                        json!(zeros.get_or_insert_with(|| fresh.zeros(division.origins.len()))),
-                    );
+                    let nothing = *zeros.get_or_insert_with(|| fresh.zeros(division.origins.len()));
+                    target.insert("POSITION".into(), json!(nothing));
                 }
                 primitive.insert("targets".into(), json!(targets));
             }
