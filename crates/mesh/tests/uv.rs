@@ -79,7 +79,7 @@ fn obj_and_ply_give_back_every_bit() {
         let other = UvMap { coordinates: uv.coordinates.iter().rev().copied().collect(), ..uv.clone() };
         let bytes = fs::read(&path).unwrap();
         let file = path.display().to_string();
-        let source = Source { format: Format::from_path(&path).unwrap(), file: &file, data: &bytes };
+        let source = Source { format: Format::from_path(&path).unwrap(), file: &file, data: &bytes, folder: None };
         write_with_uv(&path, &back, Some(source), &other).unwrap();
         assert_eq!(values(&read_uv(&path).unwrap().unwrap()), values(&other), "{name}");
         assert_eq!(fs::read(&path).unwrap().len(), bytes.len(), "{name}: nothing but numbers changed");
@@ -102,7 +102,7 @@ fn ply_keeps_what_it_does_not_know() {
     let of_vertices = parse_uv(Format::Ply, "a", pairs.as_bytes()).unwrap().unwrap();
     assert_eq!(of_vertices.coordinates, [[0.25, 1.0], [0.5, 1.0], [0.75, 1.0]]);
     let uv = UvMap { coordinates: vec![[0.5, 0.25], [1.0, 2.0], [3.0, 4.0]], corners: vec![2, 1, 0] };
-    let source = Source { format: Format::Ply, file: "a.ply", data: text.as_bytes() };
+    let source = Source { format: Format::Ply, file: "a.ply", data: text.as_bytes(), folder: None };
     write_with_uv(&path, &mesh, Some(source), &uv).unwrap();
     let lists = "6 3.0000000000000000e0 4.0000000000000000e0 1.0000000000000000e0 2.0000000000000000e0 \
         5.0000000000000000e-1 2.5000000000000000e-1";
@@ -291,7 +291,7 @@ fn projections_of_real_meshes_measure_as_elsewhere() {
         let uv = UvMap { coordinates, corners: mesh.faces.indices().to_vec() };
         // Through a file: its faces and vertices stay, its map is the new one.
         let (bytes, out) = (fs::read(&path).unwrap(), folder.at("out.obj"));
-        let source = Source { format: Format::Obj, file: "source.obj", data: &bytes };
+        let source = Source { format: Format::Obj, file: "source.obj", data: &bytes, folder: None };
         write_with_uv(&out, &mesh, Some(source), &uv).unwrap();
         let back = read_mesh(&out).unwrap();
         assert_eq!((&back.points, &back.faces), (&mesh.points, &mesh.faces), "{name}");

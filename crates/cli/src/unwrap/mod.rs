@@ -2,6 +2,7 @@
 
 mod args;
 mod lists;
+mod original;
 mod pictures;
 mod run;
 

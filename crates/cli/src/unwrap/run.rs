@@ -7,13 +7,11 @@ use proxel::report::MapReport;
 use proxel::settings::UnwrapSettings;
 use proxel::split::Status;
 use proxel::unwrap::{Hooks, MapRow, Progress, UnwrapInput, Unwrapped, unwrap};
-use proxel_mesh::uv::{
-    Certificate, CertificateOptions, Source, as_stored, certify, read_uv, require_uv_format, seams_of, write_with_uv,
-};
-use proxel_mesh::{Format, Mesh, read_mesh_lenient};
+use proxel_mesh::uv::{Certificate, read_uv, require_uv_format, seams_of};
+use proxel_mesh::{Mesh, read_mesh_lenient};
 
 use super::pictures::Pictures;
-use super::{UnwrapArgs, lists};
+use super::{UnwrapArgs, lists, original};
 use crate::args::show_settings;
 use crate::files::{Outputs, peak_bytes, write_text};
 use crate::interrupt::{CANCELLED, Interrupt};
@@ -42,6 +40,7 @@ pub fn run(args: &UnwrapArgs) -> Result<u8, Refusal> {
     let interrupt = Interrupt::listen()?;
     let began = Instant::now();
     let input = read(args, path)?;
+    original::check(path, out, &input.mesh)?;
     let read = began.elapsed().as_secs_f64();
     let job = Job { source: Some(path), files: &files, input: &input, read, quiet: args.solve.quiet };
     job.run(&settings, &interrupt)
@@ -148,7 +147,7 @@ impl Job<'_> {
         // A map that is not finite is none; anything else is kept, whatever became of the run.
         let kept = result.uv.coordinates.iter().flatten().all(|v| v.is_finite());
         if kept {
-            let certificate = self.write_map(mesh, &result)?;
+            let certificate = original::write_map(self.source, &self.files.out, mesh, &mut result)?;
             written.push(self.files.out.display().to_string());
             certified(&mut result, &certificate, mesh);
             self.draw(mesh, &result, &mut written)?;
@@ -194,29 +193,6 @@ impl Job<'_> {
         heat.as_ref().map_or(Ok(()), |path| pictures.heat(path))?;
         written.extend([map, surface, heat].into_iter().flatten().map(|path| path.display().to_string()));
         Ok(())
-    }
-
-    /// Writes the map, reads it back and examines it.
-    fn write_map(&self, mesh: &Mesh, result: &Unwrapped) -> Result<Certificate, Refusal> {
-        let source = self.source.and_then(|path| Some((path, Format::from_path(path).ok()?)));
-        let source = source.filter(|(_, format)| matches!(format, Format::Obj | Format::Ply));
-        let read = |path: &Path| {
-            std::fs::read(path)
-                .map_err(|e| Refusal::new(format!("{}: cannot be read again: {e}; its map is lost", path.display())))
-        };
-        let data = source.map_or(Ok(Vec::new()), |(path, _)| read(path))?;
-        let name = source.map(|(path, _)| path.display().to_string()).unwrap_or_default();
-        let source = source.map(|(_, format)| Source { format, file: &name, data: &data });
-        write_with_uv(&self.files.out, mesh, source, &result.uv)?;
-        let options = CertificateOptions { reversed_faces: result.charts.reversed_faces.clone() };
-        let written = Format::from_path(&self.files.out)?;
-        if matches!(written, Format::Gltf | Format::Glb) {
-            // Its triangles and vertices are not the user's; what it stores of the map is.
-            return Ok(certify(&mesh.points, &mesh.faces, &as_stored(&result.uv, written), &options)?);
-        }
-        let back = read_mesh_lenient(&self.files.out)?;
-        let map = read_uv(&self.files.out)?.unwrap_or_default();
-        Ok(certify(&back.points, &back.faces, &map, &options)?)
     }
 }
 

@@ -16,6 +16,8 @@ pub struct Source<'a> {
     pub file: &'a str,
     /// All of its bytes.
     pub data: &'a [u8],
+    /// The folder that it lies in: buffers and images of a glTF may lie beside it.
+    pub folder: Option<&'a Path>,
 }
 
 /// The texture coordinates of the faces that [`read_mesh`](crate::read_mesh) reads from the same file: `vt` of OBJ,
@@ -77,38 +79,85 @@ pub fn require_uv_format(path: &Path) -> Result<Format> {
 /// - .obj from anything else: vertices, faces and edges of the mesh.
 /// - .ply: a list `texcoord` (u and v of each corner) with each face, empty where it is not mapped. From a `source`
 ///   in PLY all other properties and elements, the form (text, byte order) and the numbers stay as they stand.
-/// - .glb and .gltf, in 32-bit numbers: faces as fans of triangles; a vertex with several coordinates keeps its
+/// - .glb and .gltf from a `source` in either: everything stays (nodes, materials, textures, skins, animations, all other
+///   attributes to the bit, extras) but TEXCOORD_0 of the triangles of the scene. A vertex with several coordinates keeps its
+///   number for the first of them, copies with the same attributes and morph targets follow behind the vertices of its
+///   primitive. Strips and fans become lists of triangles, a mesh that several nodes show is copied for all but the first,
+///   tangents (and displacements of the old coordinates) are left out, optional compressed copies of buffers too. The
+///   buffers become one, inside the file; paths of images are made relative to the new folder.
+/// - .glb and .gltf from anything else, in 32-bit numbers: faces as fans of triangles; a vertex with several coordinates keeps its
 ///   number for the first of them, copies for the others follow at the end of the list. Unmapped faces get (0, 0).
 ///
 /// Text has 17 significant digits. Read back, OBJ gives the same map, PLY the same values at each corner, glTF those
 /// values rounded to 32 bits (v as 1 - v).
 ///
+/// Returns warnings, a line each: images of a glTF to which no relative path leads from the new folder.
+///
 /// # Errors
 /// A format without texture coordinates, a map or a source that is not of this mesh, or a path that cannot
 /// be written.
-pub fn write_with_uv(path: &Path, mesh: &Mesh, source: Option<Source<'_>>, uv: &UvMap) -> Result<()> {
+pub fn write_with_uv(path: &Path, mesh: &Mesh, source: Option<Source<'_>>, uv: &UvMap) -> Result<Vec<String>> {
     let format = require_uv_format(path)?;
     mesh.check_indices()?;
     uv.check(&mesh.faces)?;
     if mesh.faces.is_empty() {
         return Err(mesh.error(ErrorKind::Empty, "no faces", "give a mesh with faces"));
     }
-    match (format, source) {
-        (Format::Obj, Some(Source { format: Format::Obj, file, data })) => {
+    let mut warnings = Vec::new();
+    let written = match (format, source) {
+        (Format::Obj, Some(Source { format: Format::Obj, file, data, .. })) => {
             require_same_faces(mesh, &parse_mesh(Format::Obj, file, data)?.faces)?;
             atomic_write(path, |w| obj::rewrite(file, data, uv, w))
         }
         (Format::Obj, _) => atomic_write(path, |w| obj::write(mesh, uv, w)),
-        (Format::Ply, Some(Source { format: Format::Ply, file, data })) => {
+        (Format::Ply, Some(Source { format: Format::Ply, file, data, .. })) => {
             require_same_faces(mesh, &parse_mesh(Format::Ply, file, data)?.faces)?;
             atomic_write(path, |w| ply::rewrite(file, data, &mesh.faces, uv, w))
         }
         (Format::Ply, _) => atomic_write(path, |w| ply::write(mesh, uv, w)),
+        (_, Some(source @ Source { format: Format::Gltf | Format::Glb, .. })) => {
+            let mut file = gltf::rewrite(&display(path), mesh, source, uv)?;
+            warnings = file.relink(source.file, source.folder, path.parent().unwrap_or(Path::new("")));
+            atomic_write(path, |w| file.write(format == Format::Glb, w))
+        }
         _ => {
             let split = gltf::Split::new(&display(path), mesh, uv)?;
             atomic_write(path, |w| split.write(format == Format::Glb, w))
         }
+    };
+    written.map(|()| warnings)
+}
+
+/// Checks that the attributes of a `source` can be kept in a file of format `to`, for use before hours of work: what
+/// [`read_mesh`](crate::read_mesh) reads past may be broken.
+///
+/// # Errors
+/// What [`write_with_uv`] would report about the source.
+pub fn check_source(to: Format, mesh: &Mesh, source: Source<'_>) -> Result<()> {
+    let gltf = |format| matches!(format, Format::Gltf | Format::Glb);
+    if gltf(to) && gltf(source.format) {
+        let unmapped = UvMap { coordinates: Vec::new(), corners: vec![UvMap::NONE; mesh.faces.indices().len()] };
+        gltf::rewrite(source.file, mesh, source, &unmapped)?;
     }
+    Ok(())
+}
+
+/// The map of a file with the triangles of `mesh` in the same order, where a vertex may have become several: the
+/// coordinates at each corner of the faces of `mesh`. So reads what [`write_with_uv`] made of a `source` in glTF.
+///
+/// # Errors
+/// As [`read_uv`]; [`ErrorKind::CountMismatch`] if the faces of the file are others or some corner of them lies elsewhere.
+pub fn read_uv_onto(path: &Path, mesh: &Mesh) -> Result<Option<UvMap>> {
+    let back = read_mesh_lenient(path)?;
+    let Some(map) = read_uv(path)? else { return Ok(None) };
+    let place = |mesh: &Mesh, v: u32| mesh.points.get(v as usize).copied();
+    let corners = || back.faces.indices().iter().zip(mesh.faces.indices());
+    if back.faces.offsets() != mesh.faces.offsets() || !corners().all(|(&v, &w)| place(&back, v) == place(mesh, w)) {
+        let what = format!("its {} faces are not the {} of the mesh", back.faces.len(), mesh.faces.len());
+        return Err(back.error(ErrorKind::CountMismatch, what, "give the mesh that the map was made for"));
+    }
+    let values: Vec<_> = (0..map.corners.len()).map(|i| map.at(i)).collect();
+    UvMap::from_values(&mesh.faces, &values).map(Some)
 }
 
 /// The map as a file of this format gives it back: glTF rounds to 32 bits, the others keep every bit.
@@ -123,7 +172,7 @@ pub fn as_stored(uv: &UvMap, format: Format) -> UvMap {
     }
 }
 
-fn require_same_faces(mesh: &Mesh, faces: &Polygons) -> Result<()> {
+pub(super) fn require_same_faces(mesh: &Mesh, faces: &Polygons) -> Result<()> {
     if mesh.faces == *faces {
         return Ok(());
     }

@@ -19,7 +19,7 @@ const PLY: &str = "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement ver
     3 0 1 2 6 0 0 .5 0 .5 .5 7\n4 0 1 2 3 0 8\n0 2\n";
 
 /// Some map of these faces; about one face in five is left out.
-fn some_map(faces: &Polygons, seed: u64) -> UvMap {
+pub(super) fn some_map(faces: &Polygons, seed: u64) -> UvMap {
     let random = |i: usize| {
         (seed ^ i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(31).wrapping_mul(0x94d0_49bb_1331_11eb)
     };
@@ -131,7 +131,8 @@ proptest! {
 fn a_source_of_another_mesh_is_refused() {
     let mesh = parse_mesh(Format::Obj, "a.obj", OBJ.as_bytes()).unwrap();
     let uv = some_map(&mesh.faces, 3);
-    let source = Source { format: Format::Obj, file: "b.obj", data: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n" };
+    let source =
+        Source { format: Format::Obj, file: "b.obj", data: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", folder: None };
     let path = std::env::temp_dir().join(format!("proxel-uv-{}-other.obj", std::process::id()));
     let e = super::write_with_uv(&path, &mesh, Some(source), &uv).unwrap_err();
     assert!(e.to_string().contains("its 4 faces are not the 1 of the original file"), "{e}");

@@ -11,13 +11,15 @@ mod files;
 #[cfg(test)]
 mod fuzz;
 mod gltf;
+#[cfg(test)]
+mod gltf_tests;
 mod layout;
 mod obj;
 pub mod pack;
 mod ply;
 
 pub use certificate::{Certificate, CertificateOptions, Distortion, MOST_EXAMPLES, Overlaps, certify, has_rest_area};
-pub use files::{Source, as_stored, parse_uv, read_uv, require_uv_format, write_with_uv};
+pub use files::{Source, as_stored, check_source, parse_uv, read_uv, read_uv_onto, require_uv_format, write_with_uv};
 
 use crate::error::{ErrorKind, Item, MeshError, Result};
 use crate::mesh::{Mesh, Polygons};

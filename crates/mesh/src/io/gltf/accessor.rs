@@ -7,11 +7,12 @@ use crate::io::scalar::Scalar;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::borrow::Cow;
+use std::ops::Range;
 use std::path::Path;
 
 /// The buffers of a file.
 pub(super) struct Buffers<'a> {
-    file: &'a str,
+    pub file: &'a str,
     root: &'a Root,
     data: Vec<Cow<'a, [u8]>>,
 }
@@ -43,7 +44,7 @@ impl<'a> Buffers<'a> {
     /// The accessor, and its bytes with the stride of its elements.
     fn view(&self, a: usize, kind: &str, scalars: usize) -> Result<(&Accessor, Scalar, &[u8], usize)> {
         let bad = |what: String| malformed(self.file, format!("accessor {a}: {what}"));
-        let accessor = self.root.accessors.get(a).ok_or_else(|| bad("it does not exist".into()))?;
+        let accessor = self.accessor(a)?;
         let remedy = "export the mesh without sparse accessors and compression";
         if accessor.sparse.is_some() {
             return Err(unsupported(self.file, format!("accessor {a} is sparse"), remedy));
@@ -54,36 +55,48 @@ impl<'a> Buffers<'a> {
         if accessor.kind != kind {
             return Err(bad(format!("its type is {}, {kind} is needed", accessor.kind)));
         }
-        let scalar = match accessor.component_type {
-            5120 => Scalar::I8,
-            5121 => Scalar::U8,
-            5122 => Scalar::I16,
-            5123 => Scalar::U16,
-            5125 => Scalar::U32,
-            5126 => Scalar::F32,
-            other => return Err(bad(format!("component type {other} is none of glTF"))),
-        };
+        let scalar = scalar(accessor.component_type);
+        let scalar =
+            scalar.ok_or_else(|| bad(format!("component type {} is none of glTF", accessor.component_type)))?;
         let size = scalars * scalar.size();
+        let (bytes, stride) = self.strided(&format!("accessor {a}"), v, accessor.byte_offset, accessor.count, size)?;
+        Ok((accessor, scalar, bytes, stride))
+    }
+
+    /// The accessor of that number.
+    pub fn accessor(&self, a: usize) -> Result<&Accessor> {
+        let missing = || malformed(self.file, format!("accessor {a}: it does not exist"));
+        self.root.accessors.get(a).ok_or_else(missing)
+    }
+
+    /// All bytes of a buffer view, on behalf of `what`.
+    pub fn bytes(&self, what: &str, v: usize) -> Result<&[u8]> {
+        let bad = |why: String| malformed(self.file, format!("{what}: {why}"));
         let view = self.root.buffer_views.get(v).ok_or_else(|| bad(format!("buffer view {v} does not exist")))?;
         let bytes = self.data.get(view.buffer).ok_or_else(|| bad(format!("buffer {} does not exist", view.buffer)))?;
-        let ends = |from: usize, n: usize| from.checked_add(n).map(|end| from..end);
         let bytes = ends(view.byte_offset, view.byte_length).and_then(|r| bytes.get(r));
-        let bytes = bytes.ok_or_else(|| bad(format!("buffer view {v} reaches past its buffer")))?;
-        let stride = view.byte_stride.unwrap_or(size);
+        bytes.ok_or_else(|| bad(format!("buffer view {v} reaches past its buffer")))
+    }
+
+    /// The bytes of `count` elements of `size` bytes from `offset` of a view on, and from each to the next; there are
+    /// as many bytes as the elements need.
+    pub fn strided(&self, what: &str, v: usize, offset: usize, count: usize, size: usize) -> Result<(&[u8], usize)> {
+        let bytes = self.bytes(what, v)?;
+        let stride = self.root.buffer_views.get(v).and_then(|view| view.byte_stride).unwrap_or(size);
         if stride < size {
-            return Err(bad(format!("the stride {stride} of buffer view {v} is less than an element of {size} bytes")));
+            let why = format!("the stride {stride} of buffer view {v} is less than an element of {size} bytes");
+            return Err(malformed(self.file, format!("{what}: {why}")));
         }
         // The last element need not be followed by the rest of a stride.
-        let needed = match accessor.count {
+        let needed = match count {
             0 => Some(0),
             n => (n - 1).checked_mul(stride).and_then(|b| b.checked_add(size)),
         };
-        let bytes = needed.and_then(|n| bytes.get(ends(accessor.byte_offset, n)?)).ok_or_else(|| {
-            let what =
-                format!("accessor {a}: {} elements are claimed, buffer view {v} does not hold them", accessor.count);
+        let bytes = needed.and_then(|n| bytes.get(ends(offset, n)?)).ok_or_else(|| {
+            let what = format!("{what}: {count} elements are claimed, buffer view {v} does not hold them");
             MeshError::new(ErrorKind::OversizedClaim, self.file, what, "the count is wrong or the file is truncated")
         })?;
-        Ok((accessor, scalar, bytes, stride))
+        Ok((bytes, stride))
     }
 
     /// Points: three numbers each, 32-bit or quantised (KHR_mesh_quantization). `first` is the number of the first vertex,
@@ -144,6 +157,23 @@ impl<'a> Buffers<'a> {
         }
         Ok(out)
     }
+}
+
+fn ends(from: usize, n: usize) -> Option<Range<usize>> {
+    Some(from..from.checked_add(n)?)
+}
+
+/// The numbers of a component type.
+pub(super) fn scalar(component_type: u32) -> Option<Scalar> {
+    Some(match component_type {
+        5120 => Scalar::I8,
+        5121 => Scalar::U8,
+        5122 => Scalar::I16,
+        5123 => Scalar::U16,
+        5125 => Scalar::U32,
+        5126 => Scalar::F32,
+        _ => return None,
+    })
 }
 
 /// The bytes behind an address: in the address itself, or in a file beside the one that names it.

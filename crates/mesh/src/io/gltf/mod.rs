@@ -6,7 +6,9 @@
 mod accessor;
 mod animate;
 mod json;
+mod raw;
 mod read;
+mod rewrite;
 #[cfg(test)]
 mod tests;
 mod write;
@@ -14,6 +16,7 @@ mod write;
 pub(crate) use animate::Animation;
 pub use animate::MOST_FRAMES as MOST_GLTF_FRAMES;
 pub(crate) use read::{Texcoords, parse, parse_uv, read, read_uv};
+pub(crate) use rewrite::{Division, Group, Rewritten, rewrite};
 pub(crate) use write::{Document, require_range, write};
 
 use crate::error::{ErrorKind, MeshError, Result};
@@ -41,17 +44,25 @@ fn unsupported(file: &str, what: impl Into<String>, remedy: &str) -> MeshError {
 
 /// Both forms, told apart by their first bytes.
 fn take_apart<'a>(file: &str, data: &'a [u8]) -> Result<Parts<'a>> {
+    let (text, chunk) = text_and_chunk(file, data)?;
+    Ok(Parts { root: parsed(file, text)?, chunk })
+}
+
+/// The JSON as text, and the binary chunk of a `.glb`.
+fn text_and_chunk<'a>(file: &str, data: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>)> {
     let (text, chunk) = match data.starts_with(MAGIC) {
         true => chunks(file, data)?,
         false => (data, None),
     };
-    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
-    let root: Root = serde_json::from_slice(text).map_err(|e| {
+    Ok((text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text), chunk))
+}
+
+fn parsed<'a, T: serde::Deserialize<'a>>(file: &str, text: &'a [u8]) -> Result<T> {
+    serde_json::from_slice(text).map_err(|e| {
         let what = e.to_string();
         let what = what.split(" at line ").next().unwrap_or_default().to_owned();
         malformed(file, format!("its JSON: {what}")).at_line(e.line())
-    })?;
-    Ok(Parts { root, chunk })
+    })
 }
 
 /// The JSON and the binary chunk of a `.glb`.

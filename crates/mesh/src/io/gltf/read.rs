@@ -7,6 +7,7 @@ use crate::error::{ErrorKind, MeshError, Result};
 use crate::io::{display, read_bytes};
 use crate::mesh::Mesh;
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
 
 /// An affine map: rows of three factors and a shift.
@@ -18,6 +19,33 @@ const MOST_VERTS: usize = 200_000_000;
 
 /// Of each corner of the faces: its texture coordinates, as they stand in the file, where it has some.
 pub(crate) type Texcoords = Vec<Option<[f64; 2]>>;
+
+/// Triangles of the mesh that come from one primitive.
+pub(crate) struct Piece {
+    /// Counts the meshes as nodes show them.
+    pub showing: usize,
+    /// The node that shows it; none in a library without nodes.
+    pub node: Option<usize>,
+    pub mesh: usize,
+    pub primitive: usize,
+    /// Its vertices, which primitives with the same positions share: `verts` of them from `first` on.
+    pub first: usize,
+    pub verts: usize,
+    /// Its triangles among the faces of the mesh.
+    pub faces: Range<usize>,
+    /// Whether a mirror turned them around.
+    pub turned: bool,
+}
+
+/// What a scene is read as.
+#[derive(Default)]
+pub(super) struct Scene {
+    pub mesh: Mesh,
+    /// Texture coordinates, where they were asked for.
+    pub texcoords: Option<Texcoords>,
+    /// Where its faces come from, in their order; none is empty.
+    pub pieces: Vec<Piece>,
+}
 
 /// Reads a file and the buffers beside it.
 pub(crate) fn read(path: &Path) -> Result<Mesh> {
@@ -43,30 +71,30 @@ pub(crate) fn parse_uv(file: &str, data: &[u8]) -> Result<(Mesh, Texcoords)> {
 
 fn read_parts(file: &str, data: &[u8], folder: Option<&Path>, uv: bool) -> Result<(Mesh, Texcoords)> {
     let parts = take_apart(file, data)?;
-    let root = &parts.root;
-    check(file, root)?;
+    check(file, &parts.root)?;
     let buffers = Buffers::new(file, &parts, folder)?;
-    let mut reader = Reader {
-        file,
-        root,
-        buffers: &buffers,
-        mesh: Mesh { name: file.to_owned(), ..Mesh::default() },
-        texcoords: uv.then(Vec::new),
-        shared: HashMap::new(),
-    };
+    let scene = assemble(file, &parts.root, &buffers, uv)?;
+    Ok((scene.mesh, scene.texcoords.unwrap_or_default()))
+}
+
+/// The meshes of the scene as one, with texture coordinates if `uv`.
+pub(super) fn assemble(file: &str, root: &Root, buffers: &Buffers<'_>, uv: bool) -> Result<Scene> {
+    let mesh = Mesh { name: file.to_owned(), ..Mesh::default() };
+    let scene = Scene { mesh, texcoords: uv.then(Vec::new), pieces: Vec::new() };
+    let mut reader = Reader { file, root, buffers, scene, showing: 0, shared: HashMap::new() };
     if root.nodes.is_empty() {
         // A library of meshes without a scene: all of them, as they are.
         for m in 0..root.meshes.len() {
-            reader.add_mesh(m, &IDENTITY)?;
+            reader.add_mesh(m, &IDENTITY, None)?;
         }
     } else {
         reader.add_nodes()?;
     }
-    Ok((reader.mesh, reader.texcoords.unwrap_or_default()))
+    Ok(reader.scene)
 }
 
 /// Version, and extensions without which positions would be wrong.
-fn check(file: &str, root: &Root) -> Result<()> {
+pub(super) fn check(file: &str, root: &Root) -> Result<()> {
     let asset = root.asset.as_ref().ok_or_else(|| malformed(file, "it has no `asset`, so it is no glTF"))?;
     if !asset.version.starts_with("2.") {
         return Err(unsupported(file, format!("glTF of version {}", asset.version), "export it as glTF 2.0"));
@@ -84,8 +112,8 @@ struct Reader<'a> {
     file: &'a str,
     root: &'a Root,
     buffers: &'a Buffers<'a>,
-    mesh: Mesh,
-    texcoords: Option<Texcoords>,
+    scene: Scene,
+    showing: usize,
     shared: HashMap<usize, usize>, // first vertex of each accessor of positions, within a node
 }
 
@@ -126,7 +154,7 @@ impl Reader<'_> {
             }
             if let Some(m) = node.mesh {
                 // Where a skin says how a mesh moves, the place of its node is to be ignored: it is taken unposed.
-                self.add_mesh(m, if node.skin.is_some() { &IDENTITY } else { &here })?;
+                self.add_mesh(m, if node.skin.is_some() { &IDENTITY } else { &here }, Some(n))?;
             }
             open.extend(node.children.iter().rev().map(|&c| (c, here)));
         }
@@ -137,27 +165,36 @@ impl Reader<'_> {
         malformed(self.file, format!("{what} {i} does not exist"))
     }
 
-    fn add_mesh(&mut self, m: usize, place: &Transform) -> Result<()> {
+    fn add_mesh(&mut self, m: usize, place: &Transform, node: Option<usize>) -> Result<()> {
         let entry = self.root.meshes.get(m).ok_or_else(|| self.missing("mesh", m))?;
         self.shared.clear();
         for (i, p) in entry.primitives.iter().enumerate() {
-            self.add_primitive(p, place, &format!("mesh {m}, primitive {i}"))?;
+            let before = self.scene.mesh.faces.len();
+            let (first, verts) = self.add_primitive(p, place, &format!("mesh {m}, primitive {i}"))?;
+            let faces = before..self.scene.mesh.faces.len();
+            if !faces.is_empty() {
+                let (showing, turned) = (self.showing, mirrors(place));
+                self.scene.pieces.push(Piece { showing, node, mesh: m, primitive: i, first, verts, faces, turned });
+            }
         }
+        self.showing += 1;
         Ok(())
     }
 
-    fn add_primitive(&mut self, p: &Primitive, place: &Transform, name: &str) -> Result<()> {
+    /// The first of its vertices, and how many there are.
+    fn add_primitive(&mut self, p: &Primitive, place: &Transform, name: &str) -> Result<(usize, usize)> {
+        let Scene { mesh, texcoords, .. } = &mut self.scene;
         let bad = |what: &str| malformed(self.file, format!("{name}: {what}"));
         let positions = p.attributes.position.ok_or_else(|| bad("it has no POSITION"))?;
         let first = match self.shared.get(&positions) {
             Some(&first) => first,
             None => {
-                let first = self.mesh.points.len();
+                let first = mesh.points.len();
                 let points = self.buffers.points(positions, first)?;
                 if first + points.len() > MOST_VERTS {
                     return Err(bad("with it there are more than 200 million vertices"));
                 }
-                self.mesh.points.extend(points.iter().map(|p| apply(place, *p)));
+                mesh.points.extend(points.iter().map(|p| apply(place, *p)));
                 self.shared.insert(positions, first);
                 first
             }
@@ -175,40 +212,41 @@ impl Reader<'_> {
         match p.mode.unwrap_or(4) {
             0 => {}
             1 if !at.len().is_multiple_of(2) => return Err(uneven(2)),
-            1 => self.mesh.edges.extend(at.chunks_exact(2).map(|e| [e[0], e[1]])),
+            1 => mesh.edges.extend(at.chunks_exact(2).map(|e| [e[0], e[1]])),
             mode @ (2 | 3) => {
-                self.mesh.edges.extend(at.windows(2).map(|e| [e[0], e[1]]));
+                mesh.edges.extend(at.windows(2).map(|e| [e[0], e[1]]));
                 if let (2, [first, .., last]) = (mode, &at[..]) {
-                    self.mesh.edges.push([*last, *first]);
+                    mesh.edges.push([*last, *first]);
                 }
             }
             4 if !at.len().is_multiple_of(3) => return Err(uneven(3)),
-            4 => at.chunks_exact(3).for_each(|t| self.mesh.faces.push(&face([t[0], t[1], t[2]]))),
+            4 => at.chunks_exact(3).for_each(|t| mesh.faces.push(&face([t[0], t[1], t[2]]))),
             5 => {
                 for (i, t) in at.windows(3).enumerate() {
                     let t = if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
                     // Strips are joined by triangles that have a vertex twice.
                     if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] {
-                        self.mesh.faces.push(&face(t));
+                        mesh.faces.push(&face(t));
                     }
                 }
             }
-            6 => (2..at.len()).for_each(|i| self.mesh.faces.push(&face([at[0], at[i - 1], at[i]]))),
+            6 => (2..at.len()).for_each(|i| mesh.faces.push(&face([at[0], at[i - 1], at[i]]))),
             other => return Err(bad(&format!("mode {other} is none of glTF"))),
         }
-        let (Some(texcoords), Some(a)) = (&mut self.texcoords, p.attributes.texcoord) else {
-            if let Some(texcoords) = &mut self.texcoords {
-                texcoords.resize(self.mesh.faces.indices().len(), None);
-            }
-            return Ok(());
+        let Some(texcoords) = texcoords else {
+            return Ok((first, n));
+        };
+        let Some(a) = p.attributes.texcoord else {
+            texcoords.resize(mesh.faces.indices().len(), None);
+            return Ok((first, n));
         };
         let values = self.buffers.texcoords(a, first)?;
         if values.len() < n {
             return Err(bad(&format!("{} texture coordinates for {n} vertices", values.len())));
         }
-        let new = &self.mesh.faces.indices()[texcoords.len()..];
+        let new = &mesh.faces.indices()[texcoords.len()..];
         texcoords.extend(new.iter().map(|&v| values.get(v as usize - first).copied()));
-        Ok(())
+        Ok((first, n))
     }
 }
 

@@ -11,10 +11,11 @@ use std::io::{self, Write};
 use super::{BIN, CHUNK_HEADER, HEADER, JSON, MAGIC};
 
 /// Numbers of glTF for component types and targets of buffer views.
-const UNSIGNED: u32 = 5125;
-const FLOAT: u32 = 5126;
-const ARRAY_BUFFER: u32 = 34962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+pub(super) const UNSIGNED_SHORT: u32 = 5123;
+pub(super) const UNSIGNED: u32 = 5125;
+pub(super) const FLOAT: u32 = 5126;
+pub(super) const ARRAY_BUFFER: u32 = 34962;
+pub(super) const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 /// A mesh whose centre is farther from the origin than this many of its sizes is moved there, and its node moves it back:
 /// 32-bit numbers have digits for its shape then.
 const FAR: f64 = 16.0;
@@ -134,11 +135,6 @@ impl Document {
 
     /// Writes `.glb`, or `.gltf` with its buffer inside; `extra` goes to the top level of the JSON.
     pub fn write(self, binary: bool, targets: usize, extra: Value, w: &mut dyn Write) -> io::Result<()> {
-        let mut buffer = json!({ "byteLength": self.buffer.len() });
-        if !binary {
-            let data = STANDARD.encode(&self.buffer);
-            buffer["uri"] = json!(format!("data:application/octet-stream;base64,{data}"));
-        }
         let mut mesh = json!({ "name": self.name, "primitives": self.primitives });
         if targets > 0 {
             mesh["weights"] = json!(vec![0.0; targets]);
@@ -150,29 +146,46 @@ impl Document {
         let mut root = json!({
             "asset": { "version": "2.0", "generator": concat!("Proxel ", env!("CARGO_PKG_VERSION")) },
             "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [node], "meshes": [mesh],
-            "accessors": self.accessors, "bufferViews": self.views, "buffers": [buffer]
+            "accessors": self.accessors, "bufferViews": self.views
         });
         if let (Some(root), Value::Object(extra)) = (root.as_object_mut(), extra) {
             root.extend(extra);
         }
-        let mut text = serde_json::to_vec(&root).map_err(io::Error::other)?;
-        if !binary {
-            return w.write_all(&text);
-        }
-        text.resize(text.len().next_multiple_of(4), b' ');
-        // Everything in the buffer is four bytes wide, so its end needs no filling.
-        let length = HEADER + 2 * CHUNK_HEADER + text.len() + self.buffer.len();
-        let word = |n: usize| u32::try_from(n).map_err(|_| io::Error::other("it would be larger than 4 GB"));
-        w.write_all(MAGIC)?;
-        w.write_all(&2u32.to_le_bytes())?;
-        w.write_all(&word(length)?.to_le_bytes())?;
-        for (kind, bytes) in [(JSON, &text), (BIN, &self.buffer)] {
-            w.write_all(&word(bytes.len())?.to_le_bytes())?;
-            w.write_all(&kind.to_le_bytes())?;
-            w.write_all(bytes)?;
-        }
-        Ok(())
+        container(root, json!({}), &self.buffer, binary, w)
     }
+}
+
+/// A file of this JSON and this one buffer, which is inside; `entry` is what else is said of the buffer.
+pub(super) fn container(
+    mut root: Value,
+    mut entry: Value,
+    buffer: &[u8],
+    binary: bool,
+    w: &mut dyn Write,
+) -> io::Result<()> {
+    entry["byteLength"] = json!(buffer.len());
+    if !binary {
+        entry["uri"] = json!(format!("data:application/octet-stream;base64,{}", STANDARD.encode(buffer)));
+    }
+    root["buffers"] = json!([entry]);
+    let mut text = serde_json::to_vec(&root).map_err(io::Error::other)?;
+    if !binary {
+        return w.write_all(&text);
+    }
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let filling = buffer.len().next_multiple_of(4) - buffer.len();
+    let length = HEADER + 2 * CHUNK_HEADER + text.len() + buffer.len() + filling;
+    let word = |n: usize| u32::try_from(n).map_err(|_| io::Error::other("it would be larger than 4 GB"));
+    w.write_all(MAGIC)?;
+    w.write_all(&2u32.to_le_bytes())?;
+    w.write_all(&word(length)?.to_le_bytes())?;
+    for (kind, bytes, filling) in [(JSON, &text[..], 0), (BIN, buffer, filling)] {
+        w.write_all(&word(bytes.len() + filling)?.to_le_bytes())?;
+        w.write_all(&kind.to_le_bytes())?;
+        w.write_all(bytes)?;
+        w.write_all(&[0; 4][..filling])?;
+    }
+    Ok(())
 }
 
 /// Checks that 32-bit numbers have the range of these positions.
