@@ -1,7 +1,7 @@
 //! The problem: terms, a quadratic, a start.
 
 use crate::{
-    EnergyReport, Equalities, LocalReport, PenaltyReport, PointSpring, Potential, SymmetricForm, Term, vector,
+    EnergyReport, Equalities, Inertia, LocalReport, PenaltyReport, PointSpring, Potential, SymmetricForm, Term, vector,
 };
 use proxel_linalg::sparse::SymPattern;
 use std::sync::Arc;
@@ -10,10 +10,10 @@ use std::sync::Arc;
 ///
 /// ```text
 /// f(x) = sum_j k_j/2 |x_j - t_j|^2 + sum_p k_p/2 |sum_i w_pi x_i - t_p|^2 - sum_i b_i . x_i
-///        + 1/2 sum_c x_c^T K x_c + constant
+///        + 1/2 sum_c x_c^T K x_c + sum_i m_i/(2 dt^2) |x_i - y_i|^2 + constant
 /// ```
 ///
-/// Soft springs from nodes and from points that nodes carry, loads, and a quadratic form in each coordinate c.
+/// Soft springs from nodes and from points that nodes carry, loads, a quadratic form in each coordinate c, and inertia.
 #[derive(Clone, Debug, Default)]
 pub struct Quadratic {
     /// Soft springs: node, stiffness k_j, and the target t_j in the first `dim` entries.
@@ -24,6 +24,8 @@ pub struct Quadratic {
     pub loads: Vec<f64>,
     /// K over all nodes, such as the bending of thin sheets; or empty.
     pub form: SymmetricForm,
+    /// m_i/dt^2 and y_i of a time step; or empty.
+    pub inertia: Inertia,
     /// Smooth functions, such as pressure.
     pub potentials: Vec<Arc<dyn Potential>>,
     /// Rows sum a_i x_i = b.
@@ -50,6 +52,9 @@ impl Quadratic {
         }
         let mut grad = grad;
         value += self.form.value_and_gradient(x, dim, grad.as_deref_mut());
+        if !self.inertia.is_empty() {
+            value += self.inertia.value_and_gradient(x, grad.as_deref_mut());
+        }
         for potential in &self.potentials {
             value += potential.value_and_gradient(x, grad.as_deref_mut());
         }
@@ -166,6 +171,7 @@ impl Problem {
                 )));
             }
         }
+        self.quadratic.inertia.check(self.n(), self.dim)?;
         if !self.quadratic.form.is_empty() && self.quadratic.form.n() != self.n() {
             let (n, nodes) = (self.quadratic.form.n(), self.n());
             return Err(ProblemError::Shape(format!("the quadratic form is one of {n} nodes, there are {nodes}")));

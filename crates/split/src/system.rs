@@ -34,7 +34,7 @@ impl Factor {
     }
 }
 
-/// A = sum w^2 D^T D + springs + K over the free nodes, and its factor. One matrix serves every coordinate.
+/// A = sum w^2 D^T D + springs + K + M/dt^2 over the free nodes, and its factor. One matrix serves every coordinate.
 pub struct NormalMatrix {
     dim: usize,
     pattern: SymPattern,
@@ -134,6 +134,9 @@ impl NormalMatrix {
             if let Some(slot) = self.pattern.slot(*node as usize, *node as usize) {
                 self.values[slot] += k;
             }
+        }
+        for (node, k) in problem.quadratic.inertia.stiffness().iter().enumerate().take(problem.n_free) {
+            self.values[self.pattern.diagonal_slot(node)] += k;
         }
         let (pattern, values) = (&self.pattern, &mut self.values);
         for spring in &problem.quadratic.points {

@@ -120,6 +120,9 @@ impl Hessian {
         for (node, k, _) in &problem.quadratic.springs {
             self.matrix.add_to_diagonal(*node as usize, *k);
         }
+        for (node, k) in problem.quadratic.inertia.stiffness().iter().enumerate().take(problem.n_free) {
+            self.matrix.add_to_diagonal(node, *k);
+        }
         if !self.form.is_empty() {
             self.matrix.add_identities(&self.form)?;
         }

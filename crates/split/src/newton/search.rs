@@ -204,6 +204,11 @@ impl Search {
                 }
             }
         }
+        for (node, k) in problem.quadratic.inertia.stiffness().iter().enumerate().take(problem.n_free) {
+            for at in node * problem.dim..(node + 1) * problem.dim {
+                self.rhs[at] -= k * self.step[at];
+            }
+        }
         let Quadratic { form, points, .. } = &problem.quadratic;
         if !(form.is_empty() && points.is_empty()) {
             let mut step = vec![0.0; x.len()];
