@@ -9,6 +9,8 @@ use std::sync::Arc;
 pub struct Touch {
     /// The point.
     pub point: u32,
+    /// What it touches; a label that nothing here looks at.
+    pub other: u32,
     /// The unit normal n, to where the point may be.
     pub normal: [f64; 3],
     /// h
@@ -71,6 +73,11 @@ impl Contacts {
         (touch.force - self.stiffness[touch.point as usize] * gap(touch, c)).max(0.0)
     }
 
+    /// n . c - h of a touch: how far its point is in front of the plane.
+    pub fn gap(&self, touch: &Touch, x: &[f64]) -> f64 {
+        gap(touch, self.points.at(touch.point as usize, x))
+    }
+
     /// The force on the point of a touch, friction included.
     pub fn force(&self, touch: &Touch, x: &[f64]) -> [f64; 3] {
         let along = self.pressure(touch, x);
@@ -78,7 +85,7 @@ impl Contacts {
         [0, 1, 2].map(|d| along * touch.normal[d] - rub.pull * rub.slip[d])
     }
 
-    /// Calls `visit` with the touches of each point that has some.
+    /// The touches of each point that has some.
     fn of_points(&self) -> impl Iterator<Item = &[Touch]> {
         self.touches.chunk_by(|a, b| a.point == b.point)
     }
@@ -201,6 +208,7 @@ mod tests {
         let tilted = [0.6, 0.8, 0.0];
         let touch = |point, force, grip, height| Touch {
             point,
+            other: 0,
             normal: tilted,
             height,
             force,
