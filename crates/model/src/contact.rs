@@ -216,9 +216,9 @@ mod tests {
             anchor: [0.1, -0.2, 0.05],
         };
         let touches = vec![
-            touch(2, 1.0, 0.7, 0.3), // pressed, slides
+            touch(2, 1.0, 0.7, 0.3),  // pressed, slides
             touch(0, 0.2, 0.5, -0.2), // pressed
-            touch(0, 0.0, 0.0, 5.0), // a second plane, deep
+            touch(0, 0.0, 0.0, 5.0),  // a second plane, deep
             touch(1, 0.0, 0.3, -9.0), // far away, only rubs
         ];
         let x = vec![0.11, -0.19, 0.06, 0.5, 0.1, -0.4, 0.3, -0.2, 0.9, -0.6, 0.2, 0.1];
@@ -253,7 +253,8 @@ mod tests {
                 y[a] += t;
                 y
             };
-            let slope = (contacts.value_and_gradient(&at(h), None) - contacts.value_and_gradient(&at(-h), None)) / (2.0 * h);
+            let slope =
+                (contacts.value_and_gradient(&at(h), None) - contacts.value_and_gradient(&at(-h), None)) / (2.0 * h);
             assert!((slope - g[a]).abs() < 1e-7, "{a}: {slope} {}", g[a]);
             let (more, less) = (gradient(&at(h)), gradient(&at(-h)));
             for b in 0..n {

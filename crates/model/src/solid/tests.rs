@@ -64,7 +64,8 @@ fn nothing_of_the_surface_is_nearer() {
 #[test]
 fn solids_are_where_they_are_placed() {
     let (sin, cos) = 0.7f64.sin_cos();
-    let placement = Placement { rotation: [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], shift: [3.0, -1.0, 2.0] };
+    let placement =
+        Placement { rotation: [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], shift: [3.0, -1.0, 2.0] };
     let solid = Arc::new(Brick { half: [0.5, 1.0, 2.0] });
     let placed = Placed { solid: solid.clone(), placement };
     for x in samples() {

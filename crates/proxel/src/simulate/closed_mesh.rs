@@ -147,7 +147,8 @@ mod tests {
 
     /// A box of 12 triangles.
     fn brick(half: V3) -> (Vec<V3>, Vec<[u32; 3]>) {
-        let points = (0..8).map(|c: usize| [0, 1, 2].map(|d| if c >> d & 1 == 1 { half[d] } else { -half[d] })).collect();
+        let points =
+            (0..8).map(|c: usize| [0, 1, 2].map(|d| if c >> d & 1 == 1 { half[d] } else { -half[d] })).collect();
         let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         (points, quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect())
     }

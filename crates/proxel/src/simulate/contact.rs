@@ -87,9 +87,13 @@ impl Walls {
                 if !(near.distance < NEAR * size || all > 0.0) {
                     continue;
                 }
-                let hollow = |t: &&&Touch| (0..3).map(|d| t.normal[d] * near.point[d]).sum::<f64>() - t.height > MET * size;
-                let mut kept: Vec<Touch> =
-                    own().filter(hollow).map(|t| Touch { force: old.pressure(t, x), ..**t }).filter(|t| t.force > 0.0).collect();
+                let hollow =
+                    |t: &&&Touch| (0..3).map(|d| t.normal[d] * near.point[d]).sum::<f64>() - t.height > MET * size;
+                let mut kept: Vec<Touch> = own()
+                    .filter(hollow)
+                    .map(|t| Touch { force: old.pressure(t, x), ..**t })
+                    .filter(|t| t.force > 0.0)
+                    .collect();
                 kept.sort_by(|a, b| b.force.total_cmp(&a.force));
                 kept.truncate(KEPT);
                 let rest = all - kept.iter().map(|t| t.force).sum::<f64>();

@@ -11,9 +11,9 @@ use crate::settings::{DeformSettings, MethodName};
 use proxel_model::contact::Contacts;
 use proxel_model::obstacle::{Obstacle, Solids};
 use proxel_split::{
-    Admm, Auto, Hessian, Inertia, LinearSolver, Method, Newton, NewtonSettings, NoProgress,
-    NormalMatrix, Outcome, Parts, Precision, Price, Problem, Quadratic, ResidualTolerance, Residuals, Status, Stop,
-    SystemError, solver_for, vector,
+    Admm, Auto, Hessian, Inertia, LinearSolver, Method, Newton, NewtonSettings, NoProgress, NormalMatrix, Outcome,
+    Parts, Precision, Price, Problem, Quadratic, ResidualTolerance, Residuals, Status, Stop, SystemError, solver_for,
+    vector,
 };
 use std::sync::Arc;
 
@@ -59,8 +59,8 @@ pub(super) struct Engine {
     damping: Option<StiffnessDamping>,
     contacts: Contacts,
     settings: DeformSettings,
-    inertia: f64,     // that the normal matrix was factored for
-    factored: usize,  // refactorisations of the normal matrix when its weights were those of the start
+    inertia: f64,    // that the normal matrix was factored for
+    factored: usize, // refactorisations of the normal matrix when its weights were those of the start
     characteristic: f64,
     split_contact: bool, // obstacles are a term of the splitting
 }
@@ -129,7 +129,8 @@ impl Engine {
 
     /// Bytes of factors.
     pub fn factor_bytes(&self) -> u64 {
-        self.normal.as_ref().map_or(0, NormalMatrix::factor_bytes) + self.hessian.as_ref().map_or(0, Hessian::factor_bytes)
+        self.normal.as_ref().map_or(0, NormalMatrix::factor_bytes)
+            + self.hessian.as_ref().map_or(0, Hessian::factor_bytes)
     }
 
     /// The problem, for its energies.
@@ -242,12 +243,14 @@ impl Engine {
         } else if changed || (self.is_reweighted() && self.has_wall_term(world)) {
             self.refactor()?;
         }
-        if let (Some((factor, anchor, loads)), Some(none), Some(normal)) = (&task.damping, &self.damping, &self.normal) {
+        if let (Some((factor, anchor, loads)), Some(none), Some(normal)) = (&task.damping, &self.damping, &self.normal)
+        {
             if self.hessian.is_none() {
                 self.hessian = Some(Hessian::new(&mut self.problem, normal)?);
             }
             let pattern = normal.matrix().0;
-            let damping = none.at(pattern, &mut self.problem, task.x, *factor, anchor.clone()).map_err(SystemError::from)?;
+            let damping =
+                none.at(pattern, &mut self.problem, task.x, *factor, anchor.clone()).map_err(SystemError::from)?;
             if let Some(last) = self.problem.quadratic.potentials.last_mut() {
                 *last = Arc::new(damping);
             }
@@ -435,8 +438,7 @@ impl Engine {
                 rejected += outcome.rejected;
                 x = outcome.x;
             }
-            (status, reason) =
-                (Status::Stopped, format!("forces of contact did not settle in {} rounds", renewal + 1));
+            (status, reason) = (Status::Stopped, format!("forces of contact did not settle in {} rounds", renewal + 1));
         }
         let known = learn(&self.contacts, &x);
         Ok(Solved {

@@ -58,7 +58,9 @@ impl Folder {
     /// A folder that cannot be made or written to.
     pub fn create(path: &Path, file: &SceneFile) -> Result<Self, SimulateError> {
         let mut folder = Folder::at(path, file)?;
-        let io = |e: std::io::Error, what: &Path| SimulateError::new(format!("{}: {e}; name another folder", what.display()));
+        let io = |e: std::io::Error, what: &Path| {
+            SimulateError::new(format!("{}: {e}; name another folder", what.display()))
+        };
         std::fs::create_dir_all(path).map_err(|e| io(e, path))?;
         // The state first: without it nothing goes on from what is half removed.
         for name in ["state.bin", "frames.csv", "frames.pvd", "report.json", "scene.glb", "preview.png"] {
@@ -116,7 +118,10 @@ impl Folder {
     fn at(path: &Path, file: &SceneFile) -> Result<Self, SimulateError> {
         let scene = file.scene().clone();
         if scene.output.glb && scene.time.frames + 1 > MOST_GLTF_FRAMES {
-            let what = format!("{} frames and the start are more than the {MOST_GLTF_FRAMES} of a glTF file", scene.time.frames);
+            let what = format!(
+                "{} frames and the start are more than the {MOST_GLTF_FRAMES} of a glTF file",
+                scene.time.frames
+            );
             return Err(file.refuse("output.glb", &what, "leave it out, or simulate fewer frames").into());
         }
         if path.exists() && !path.is_dir() {
@@ -138,8 +143,10 @@ impl Folder {
             for entry in entries.flatten() {
                 let name = entry.file_name().to_string_lossy().into_owned();
                 let Some(stem) = name.strip_suffix(&format!(".{extension}")) else { continue };
-                let of_body = |body: &str| stem.strip_prefix(body).and_then(|s| s.strip_prefix('_')).is_some_and(is_number);
-                let ours = self.scene.bodies.iter().any(|b| of_body(&b.name)) || (folder == "preview" && is_number(stem));
+                let of_body =
+                    |body: &str| stem.strip_prefix(body).and_then(|s| s.strip_prefix('_')).is_some_and(is_number);
+                let ours =
+                    self.scene.bodies.iter().any(|b| of_body(&b.name)) || (folder == "preview" && is_number(stem));
                 if ours {
                     out.push(entry.path());
                 }

@@ -52,9 +52,7 @@ fn solid(file: &SceneFile, place: &str, shape: &ShapeSpec) -> Result<Built, Inpu
         ShapeSpec::HalfSpace { point, normal } | ShapeSpec::Plane { point, normal } => {
             (Arc::new(Ground { normal: unit(*normal) }), Placement::at(*point), nothing)
         }
-        ShapeSpec::Sphere { center, radius } => {
-            (Arc::new(Sphere { radius: *radius }), Placement::at(*center), nothing)
-        }
+        ShapeSpec::Sphere { center, radius } => (Arc::new(Sphere { radius: *radius }), Placement::at(*center), nothing),
         ShapeSpec::Box { center, size, rotate } => {
             let rotation = rows(rotate);
             let half = size.map(|s| s / 2.0);
@@ -77,7 +75,8 @@ fn solid(file: &SceneFile, place: &str, shape: &ShapeSpec) -> Result<Built, Inpu
             closed(file, place, points, triangles, *origin)?
         }
         ShapeSpec::Mesh { file: path, scale, rotate, translate } => {
-            let mesh = read_mesh(&file.path(path)).map_err(|e| file.refuse(&format!("{place}.mesh"), &e.to_string(), "correct it"))?;
+            let mesh = read_mesh(&file.path(path))
+                .map_err(|e| file.refuse(&format!("{place}.mesh"), &e.to_string(), "correct it"))?;
             let motion = pose(rotate);
             let points = mesh.points.iter().map(|p| {
                 let p = motion.apply(p.map(|v| v * scale));

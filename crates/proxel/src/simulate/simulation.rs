@@ -150,6 +150,13 @@ impl Simulation {
             || self.world.obstacles.iter().any(|o| !o.is_still())
     }
 
+    /// Whether nothing but gravity acts from outside: no wind, no damping, no pins, no obstacles.
+    pub fn is_free(&self) -> bool {
+        let Scene { forces, damping, obstacles, .. } = &self.scene;
+        let undamped = damping.mass == 0.0 && damping.stiffness == 0.0;
+        forces.wind.is_none() && undamped && obstacles.is_empty() && self.world.n_free == self.world.n()
+    }
+
     /// The next frame. One that is cancelled, or that the time limit cuts short, changes nothing: its record says so, and
     /// the simulation can go on from where it was.
     ///
@@ -175,7 +182,8 @@ impl Simulation {
                 }
             }
             if stops.is_cancelled() {
-                tally.worst = Some((Status::Cancelled, "cancelled by the user; the frame under way was dropped".into()));
+                tally.worst =
+                    Some((Status::Cancelled, "cancelled by the user; the frame under way was dropped".into()));
             } else if stops.is_over() {
                 let reason = "the time is over (--time-limit); the frame under way was dropped";
                 tally.worst = Some((Status::Stopped, reason.into()));
@@ -329,14 +337,8 @@ impl Stepper<'_> {
             true => Some(stiffness_damping(world, self.engine, scene.damping.stiffness, (x, &start), &anchor, tau)),
             false => None,
         };
-        let task = Task {
-            x: &start,
-            target: &target,
-            inertia: stiffness(tau, damping),
-            damping: stiff,
-            walls: &walls,
-            known,
-        };
+        let task =
+            Task { x: &start, target: &target, inertia: stiffness(tau, damping), damping: stiff, walls: &walls, known };
         let mut solved = self.engine.solve(world, &task, stops)?;
         self.center(&mut solved, &target);
         // Held nodes are where they are, free ones have the velocity of the integrator.

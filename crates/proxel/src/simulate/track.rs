@@ -40,9 +40,7 @@ impl Track {
     pub fn at(&self, time: f64) -> Vec<(u32, V3)> {
         match &self.course {
             Course::Still => self.home.clone(),
-            Course::Straight(v) => {
-                self.home.iter().map(|(i, p)| (*i, [0, 1, 2].map(|d| p[d] + time * v[d]))).collect()
-            }
+            Course::Straight(v) => self.home.iter().map(|(i, p)| (*i, [0, 1, 2].map(|d| p[d] + time * v[d]))).collect(),
             Course::Keys(animation) => animation.targets(time),
         }
     }
@@ -64,12 +62,7 @@ pub(super) struct Motion {
 
 impl Motion {
     /// Of a solid whose own origin is at `home.shift`.
-    pub fn new(
-        file: &str,
-        velocity: Option<V3>,
-        keys: &[MotionKey],
-        home: Placement,
-    ) -> Result<Self, InputError> {
+    pub fn new(file: &str, velocity: Option<V3>, keys: &[MotionKey], home: Placement) -> Result<Self, InputError> {
         let course = match (velocity, keys.is_empty()) {
             (Some(v), _) => Course::Straight(v),
             (None, true) => Course::Still,
@@ -102,9 +95,8 @@ impl Motion {
                 let turn: [V3; 3] =
                     [0, 1, 2].map(|r| [0, 1, 2].map(|c: usize| (p[2 * c].1[r] - p[2 * c + 1].1[r]) / 2.0));
                 let center = [0, 1, 2].map(|d| (p[0].1[d] + p[1].1[d]) / 2.0);
-                let rotation = turn.map(|row| {
-                    [0, 1, 2].map(|c: usize| (0..3).map(|k: usize| row[k] * rotation[k][c]).sum::<f64>())
-                });
+                let rotation = turn
+                    .map(|row| [0, 1, 2].map(|c: usize| (0..3).map(|k: usize| row[k] * rotation[k][c]).sum::<f64>()));
                 Placement { rotation, shift: center }
             }
         }

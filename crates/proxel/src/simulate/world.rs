@@ -166,11 +166,19 @@ impl World {
             let weightless = |place: &u32| (*place as usize) < self.n_free && self.mass[*place as usize] <= 0.0;
             if let Some(v) = body.number.iter().position(weightless) {
                 let what = format!("vertex {v} (0-based) has no mass: no element with a density uses it");
-                return Err(file.refuse(&format!("body[{b}]"), &what, "remove it, pin it, or give its elements a density"));
+                return Err(file.refuse(
+                    &format!("body[{b}]"),
+                    &what,
+                    "remove it, pin it, or give its elements a density",
+                ));
             }
             let heavy: f64 = body.number.iter().map(|place| self.mass[*place as usize]).sum();
             if !heavy.is_finite() {
-                return Err(file.refuse(&format!("body[{b}].density"), "its mass is no number", "give it in other units"));
+                return Err(file.refuse(
+                    &format!("body[{b}].density"),
+                    "its mass is no number",
+                    "give it in other units",
+                ));
             }
         }
         Ok(())

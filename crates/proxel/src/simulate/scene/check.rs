@@ -58,7 +58,11 @@ fn times(place: &str, times: impl Iterator<Item = f64>) -> Checked {
         let place = format!("{place}[{k}].time");
         finite(&place, &[time])?;
         if time <= before {
-            return bad(&place, format!("{time} does not come after {before}, that of the one before"), "put keyframes in the order of their times");
+            return bad(
+                &place,
+                format!("{time} does not come after {before}, that of the one before"),
+                "put keyframes in the order of their times",
+            );
         }
         before = time;
     }
@@ -69,7 +73,11 @@ fn times(place: &str, times: impl Iterator<Item = f64>) -> Checked {
 fn name<'a>(place: &str, name: &'a str, seen: &mut BTreeSet<&'a str>) -> Checked {
     let fine = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | ' ' | '.');
     if !name.chars().all(fine) || name.starts_with('.') || name.len() > 100 {
-        return bad(place, format!("`{}` cannot be part of a file's name", name.escape_default()), "use letters, digits, - and _");
+        return bad(
+            place,
+            format!("`{}` cannot be part of a file's name", name.escape_default()),
+            "use letters, digits, - and _",
+        );
     }
     if !seen.insert(name) {
         return bad(place, format!("`{name}` is the name of two"), "give each a name of its own");
@@ -130,7 +138,11 @@ fn capabilities(scene: &Scene) -> Checked {
         && (!super::super::has_finish(method) || limited.is_some())
     {
         let what = "friction needs a Newton finish, which hard strain limits and pure splitting methods have not";
-        return bad(&format!("obstacle[{k}].friction"), what.into(), "leave it out, or use auto or newton without limits");
+        return bad(
+            &format!("obstacle[{k}].friction"),
+            what.into(),
+            "leave it out, or use auto or newton without limits",
+        );
     }
     if !scene.obstacles.is_empty() && !super::super::has_finish(method) && !method.takes_hard_sets() {
         let what = format!("{} cannot hold obstacles", method.as_str());
@@ -273,13 +285,21 @@ fn shape(place: &str, s: &ShapeSpec) -> Checked {
             positive(&at("height-field.depth"), *depth)?;
             let columns = heights.first().map_or(0, Vec::len);
             if heights.len() < 2 || columns < 2 {
-                return bad(&at("height-field.heights"), format!("it has {} rows of {columns}", heights.len()), "give 2 rows of 2 or more");
+                return bad(
+                    &at("height-field.heights"),
+                    format!("it has {} rows of {columns}", heights.len()),
+                    "give 2 rows of 2 or more",
+                );
             }
             for (k, row) in heights.iter().enumerate() {
                 let place = at(&format!("height-field.heights[{k}]"));
                 finite(&place, row)?;
                 if row.len() != columns {
-                    return bad(&place, format!("it has {} heights, the first row {columns}", row.len()), "give all rows the same length");
+                    return bad(
+                        &place,
+                        format!("it has {} heights, the first row {columns}", row.len()),
+                        "give all rows the same length",
+                    );
                 }
             }
             Ok(())

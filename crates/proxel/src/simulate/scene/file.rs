@@ -30,7 +30,9 @@ impl SceneFile {
         let json = match extension.as_deref() {
             Some("toml") => false,
             Some("json") => true,
-            _ => return Err(InputError::new(name, "scenes are TOML or JSON", "give a file that ends in .toml or .json")),
+            _ => {
+                return Err(InputError::new(name, "scenes are TOML or JSON", "give a file that ends in .toml or .json"));
+            }
         };
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
         Self::parse(name, text, json, folder)

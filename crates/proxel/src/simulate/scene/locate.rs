@@ -24,7 +24,9 @@ pub(super) fn line_in_toml(text: &str, place: &str) -> Option<usize> {
     let mut found = None;
     for step in steps(place) {
         let value = match step {
-            Step::Key(key) => table.and_then(|t| t.iter().find(|(k, _)| k.get_ref() == key)).map(|(k, v)| (k.span(), v)),
+            Step::Key(key) => {
+                table.and_then(|t| t.iter().find(|(k, _)| k.get_ref() == key)).map(|(k, v)| (k.span(), v))
+            }
             Step::Index(index) => array.and_then(|a| a.iter().nth(index)).map(|v| (v.span(), v)),
         };
         let Some((span, value)) = value else { break };
@@ -154,7 +156,8 @@ mod tests {
         let of = |place| line_in_toml(toml, place);
         assert_eq!((of("a"), of("b[0].c.d"), of("b[1].e[1]"), of("b[1].f.g")), (Some(1), Some(3), Some(6), Some(8)));
         assert_eq!((of("b[1].x"), of("z")), (Some(4), None), "the last that is there");
-        let json = "{\n \"a\": \"x,}\\\"\",\n \"b\": [{\"c\": [1, {\"q\": 2}]},\n {\"d\":\n 4, \"e\": -1e3}],\n \"g\": null}";
+        let json =
+            "{\n \"a\": \"x,}\\\"\",\n \"b\": [{\"c\": [1, {\"q\": 2}]},\n {\"d\":\n 4, \"e\": -1e3}],\n \"g\": null}";
         let of = |place| line_in_json(json, place);
         assert_eq!((of("a"), of("b[0].c[1].q"), of("b[1].e"), of("g")), (Some(2), Some(3), Some(5), Some(6)));
         assert_eq!((of("b[7]"), of("z"), of("b[1].z")), (Some(3), None, Some(4)));
