@@ -9,7 +9,7 @@
 //! ```
 //!
 //! where t, X and V are those of the integrator (for implicit Euler the length of the step, positions and velocities), f
-//! explicit forces and a damping in proportion to mass: A section 4.1 with A(14). [`Folder`] writes frames, and lets a run
+//! explicit forces and a damping in proportion to mass: A section 4.1. [`Folder`] writes frames, and lets a run
 //! go on from the last complete one.
 
 mod body;
