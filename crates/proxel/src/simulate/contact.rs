@@ -14,6 +14,8 @@ const NEAR: f64 = 0.01;
 const MET: f64 = 1e-9;
 /// Steps on the way of a point to a wall.
 const PACES: usize = 48;
+/// Normals with more than this for a product, 8 degrees apart or less, are those of a smooth surface.
+const SMOOTH: f64 = 0.99;
 /// Most planes of a wall that a point keeps besides the nearest one.
 const KEPT: usize = 2;
 
@@ -87,8 +89,10 @@ impl Walls {
                 if !(near.distance < NEAR * size || all > 0.0) {
                     continue;
                 }
-                let hollow =
-                    |t: &&&Touch| (0..3).map(|d| t.normal[d] * near.point[d]).sum::<f64>() - t.height > MET * size;
+                let dot = |a: V3, b: V3| (0..3).map(|d| a[d] * b[d]).sum::<f64>();
+                // Where the surface is smooth the new plane is but the old one a little further on.
+                let bent = |t: &Touch| dot(t.normal, near.normal) < SMOOTH;
+                let hollow = |t: &&&Touch| bent(t) && dot(t.normal, near.point) - t.height > MET * size;
                 let mut kept: Vec<Touch> = own()
                     .filter(hollow)
                     .map(|t| Touch { force: old.pressure(t, x), ..**t })

@@ -54,6 +54,7 @@ pub(super) struct Solved {
 /// Solves steps of a world.
 pub(super) struct Engine {
     problem: Problem,
+    barriers: Vec<bool>, // of each term of elements: whether it forbids inversion
     normal: Option<NormalMatrix>,
     hessian: Option<Hessian>,
     damping: Option<StiffnessDamping>,
@@ -70,6 +71,10 @@ pub(super) struct Engine {
 const PENALTY: f64 = 100.0;
 /// Slips up to this part of a body's size, a step, stick.
 const STICKING: f64 = 1e-5;
+/// Energies of elements are exact to 1e-16 of the sum of squared weights, stiffness times volume, and Newton's method takes
+/// changes below 1e-12 of an objective for rounding: this part of that sum is added to it, which is less by far where
+/// steps are short.
+const NOISE: f64 = 1e-4;
 /// Renewals of planes and forces in a step.
 const RENEWALS: usize = 60;
 /// Rounds that Newton may leave without progress while planes and forces still change.
@@ -87,14 +92,19 @@ impl Engine {
     /// # Errors
     /// A problem that cannot be solved by the method.
     pub fn new(world: &World, settings: DeformSettings, damped: bool, inertia: f64) -> Result<Self, SimulateError> {
-        let (terms, barrier) = world.terms()?;
-        let quadratic = Quadratic { form: world.form.clone(), ..Quadratic::default() };
+        let (terms, barriers) = world.terms()?;
+        // Where materials differ, an element that may be inverted must not keep the others from converging.
+        let barrier = !barriers.is_empty() && barriers.iter().all(|b| *b);
+        let stiffness: f64 = terms.iter().map(|term| term.scale().weight2).sum();
+        let constant = NOISE * stiffness;
+        let quadratic = Quadratic { form: world.form.clone(), constant, ..Quadratic::default() };
         let x0 = world.start.clone();
         let problem = Problem { dim: 3, n_free: world.n_free, x0, terms, quadratic, barrier };
         let split_contact = !has_finish(settings.method) || problem.has_hard_sets();
         let mut engine = Engine {
             characteristic: problem.characteristic_gradient(),
             problem,
+            barriers,
             normal: None,
             hessian: None,
             damping: None,
@@ -302,7 +312,7 @@ impl Engine {
             return task.x.to_vec();
         }
         let (predicted, before) = (self.problem.energy(&x, None), self.problem.energy(task.x, None));
-        let worse = self.problem.barrier && predicted.inverted > before.inverted;
+        let worse = self.forbidden(&x) > self.forbidden(task.x);
         let higher = before.value.is_finite() && !(predicted.value <= before.value);
         if worse || higher { task.x.to_vec() } else { x }
     }
@@ -366,6 +376,12 @@ impl Engine {
         }
     }
 
+    /// Inverted elements of materials that forbid them.
+    fn forbidden(&mut self, x: &[f64]) -> u64 {
+        let terms = self.problem.terms.iter_mut().zip(&self.barriers).filter(|(_, barrier)| **barrier);
+        terms.map(|(term, _)| term.energy(x, None).inverted).sum()
+    }
+
     fn gradient(&mut self, x: &[f64]) -> f64 {
         let mut grad = vec![0.0; 3 * self.problem.n_free];
         self.problem.energy(x, Some(&mut grad));
@@ -394,7 +410,7 @@ impl Engine {
         for renewal in 0..RENEWALS {
             let left = self.settings.max_iters.saturating_sub(iterations);
             let inner = if self.contacts.touches().is_empty() { bound } else { bound.max(INNER * self.gradient(&x)) };
-            let tangled = self.problem.barrier && self.problem.energy(&x, None).inverted > 0;
+            let tangled = self.forbidden(&x) > 0;
             let outcome = match tangled && self.settings.method == MethodName::Auto && !rescued {
                 true => {
                     rescued = true;
@@ -414,7 +430,7 @@ impl Engine {
                 self.set_contacts(touches);
             }
             let gradient = self.gradient(&x);
-            let inverted = self.problem.barrier && self.problem.energy(&x, None).inverted > 0;
+            let inverted = self.forbidden(&x) > 0;
             if gradient <= bound && !inverted {
                 status = Status::Converged;
                 reason = format!("gradient {gradient:e} is at most {bound:e}, forces of contact included");

@@ -300,23 +300,23 @@ impl World {
         Ok(())
     }
 
-    /// The elements of all bodies as terms, made anew, and whether the energy of one forbids inversion.
+    /// The elements of all bodies as terms, made anew, and whether the energy of each forbids inversion.
     ///
     /// # Errors
     /// Elements or materials that cannot be used.
-    pub fn terms(&self) -> Result<(Vec<Box<dyn Term>>, bool), DeformError> {
-        let (mut terms, mut barrier) = (Vec::new(), false);
+    pub fn terms(&self) -> Result<(Vec<Box<dyn Term>>, Vec<bool>), DeformError> {
+        let (mut terms, mut barriers) = (Vec::new(), Vec::new());
         for body in &self.bodies {
             for cells in &body.cells {
                 for (material, chosen) in cells.by_material(body.element_mesh(), &body.settings) {
                     let Body { number, settings, mesh, .. } = body;
                     let built = build(cells, &chosen, body.fill(), number, &self.rest, material, settings, &mesh.name)?;
                     terms.push(built.term);
-                    barrier |= built.barrier;
+                    barriers.push(built.barrier);
                 }
             }
         }
-        Ok((terms, barrier))
+        Ok((terms, barriers))
     }
 
     /// Where held nodes are at a time, written into positions.

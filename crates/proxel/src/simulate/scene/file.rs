@@ -31,7 +31,11 @@ impl SceneFile {
             Some("toml") => false,
             Some("json") => true,
             _ => {
-                return Err(InputError::new(name, "scenes are TOML or JSON", "give a file that ends in .toml or .json"));
+                return Err(InputError::new(
+                    name,
+                    "scenes are TOML or JSON",
+                    "give a file that ends in .toml or .json",
+                ));
             }
         };
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
