@@ -48,7 +48,7 @@ pub fn run(args: &SimulateArgs) -> Result<u8, Refusal> {
         rows: Vec::new(),
     };
     let folder = run.open(out)?;
-    run.to_the_end(folder, &interrupt)
+    run.play(folder, &interrupt)
 }
 
 struct Run<'a> {
@@ -103,7 +103,7 @@ impl Run<'_> {
     }
 
     /// Frame after frame.
-    fn to_the_end(&mut self, mut folder: Folder, interrupt: &Interrupt) -> Result<u8, Refusal> {
+    fn play(&mut self, mut folder: Folder, interrupt: &Interrupt) -> Result<u8, Refusal> {
         let total = self.simulation.scene().time.frames;
         let bar = Bar::of(self.args.quiet, total, "frames");
         let cancel = interrupt.solving();

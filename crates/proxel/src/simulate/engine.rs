@@ -3,7 +3,7 @@
 use super::contact::{Known, Walls, learn};
 use super::damping::StiffnessDamping;
 use super::stops::{Bound, Stops};
-use super::world::World;
+use super::world::{Terms, World};
 use super::{SimulateError, has_finish};
 use crate::deform::constraints::{OBSTACLE_WEIGHT, shared};
 use crate::deform::{REFUSALS, admm_settings, method};
@@ -92,7 +92,7 @@ impl Engine {
     /// # Errors
     /// A problem that cannot be solved by the method.
     pub fn new(world: &World, settings: DeformSettings, damped: bool, inertia: f64) -> Result<Self, SimulateError> {
-        let (terms, barriers) = world.terms()?;
+        let Terms { terms, barriers } = world.terms()?;
         // Where materials differ, an element that may be inverted must not keep the others from converging.
         let barrier = !barriers.is_empty() && barriers.iter().all(|b| *b);
         let stiffness: f64 = terms.iter().map(|term| term.scale().weight2).sum();
@@ -168,8 +168,7 @@ impl Engine {
     /// # Errors
     /// As [`Self::new`].
     pub fn renew(&mut self, world: &World) -> Result<(), SimulateError> {
-        let (terms, _) = world.terms()?;
-        self.problem.terms = terms;
+        self.problem.terms = world.terms()?.terms;
         self.add_walls(world, &Walls::new(world, 0.0, 0.0));
         if self.is_reweighted() {
             self.refactor()?;
@@ -313,7 +312,8 @@ impl Engine {
         }
         let (predicted, before) = (self.problem.energy(&x, None), self.problem.energy(task.x, None));
         let worse = self.forbidden(&x) > self.forbidden(task.x);
-        let higher = before.value.is_finite() && !(predicted.value <= before.value);
+        let lower = predicted.value <= before.value;
+        let higher = before.value.is_finite() && !lower;
         if worse || higher { task.x.to_vec() } else { x }
     }
 

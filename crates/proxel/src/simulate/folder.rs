@@ -31,10 +31,10 @@ struct WholeReport {
     /// Frames whose kinetic, elastic and potential energy together is above that of the frame before, where nothing drives
     /// the scene.
     energy_growth: Vec<usize>,
-    /// |sum m v - its value at the start - that of gravity| over the largest momentum so far, where nothing holds, touches
-    /// or blows at the bodies.
+    /// |sum m v - its value at the start| over the largest momentum so far, where nothing acts from outside, gravity
+    /// included.
     momentum_drift: Option<f64>,
-    /// |sum m x cross v - its value at the start - that of gravity| over the largest angular momentum so far, likewise.
+    /// |sum m x cross v - its value at the start| over the largest angular momentum so far, likewise.
     angular_momentum_drift: Option<f64>,
     frames: Vec<FrameRecord>,
 }
@@ -255,8 +255,7 @@ impl Folder {
         pairs.filter(|w| w[1].energy() - w[0].energy() > GROWTH * largest).map(|w| w[1].frame).collect()
     }
 
-    /// How far momenta are from what gravity makes of those of the start. The torque of gravity is that on the centre of
-    /// mass, whose path by now is known from linear momentum.
+    /// How far momenta are from those of the start, where nothing changes them.
     fn drifts(&self, ledger: Ledger) -> (Option<f64>, Option<f64>) {
         let Some(first) = self.records.first().filter(|_| ledger.free && self.scene.forces.gravity == [0.0; 3]) else {
             return (None, None);

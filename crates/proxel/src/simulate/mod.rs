@@ -37,7 +37,7 @@ pub use scene::{
 };
 pub use simulation::Simulation;
 pub use state::State;
-pub use stops::{Hooks, Progress};
+pub use stops::{Hooks, Progress, Trace};
 
 use crate::deform::DeformError;
 use crate::pins::InputError;

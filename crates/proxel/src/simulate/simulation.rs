@@ -292,7 +292,8 @@ impl Stepper<'_> {
             let (depth, k, wall) = walls.deepest(touching, &self.state.x);
             let Some((b, v)) = touching.who.get(k) else { continue };
             let body = &self.world.bodies[*b];
-            if status == Status::Converged && !(depth <= VIOLATION * body.size) {
+            let outside = depth <= VIOLATION * body.size;
+            if status == Status::Converged && !outside {
                 status = Status::Stopped;
                 let (name, wall) = (&body.mesh.name, &self.world.obstacles[wall].name);
                 reason = format!("vertex {v} (0-based) of `{name}` is {depth:.3e} m inside of obstacle `{wall}`");

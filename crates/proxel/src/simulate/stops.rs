@@ -17,7 +17,7 @@ const FAR: usize = 10;
 
 impl Stop for Bound {
     fn check(&mut self, method: &mut dyn Method, report: &StepReport) -> Option<Verdict> {
-        if !method.is_evaluated() && report.iteration > FAR && report.iteration % FAR != 0 {
+        if !method.is_evaluated() && report.iteration > FAR && !report.iteration.is_multiple_of(FAR) {
             return None;
         }
         let Evaluation { energy, gradient_norm } = method.evaluate();
@@ -38,13 +38,16 @@ pub struct Progress {
     pub iterations: usize,
 }
 
+/// What is called with the frame, the step in it, and a row of the trace.
+pub type Trace<'a> = dyn FnMut(usize, usize, &TraceRow) + Send + 'a;
+
 /// What the caller wants to hear and say while a simulation runs.
 #[derive(Default)]
 pub struct Hooks<'a> {
     /// Called after every iteration.
     pub progress: Option<&'a mut (dyn FnMut(&Progress) + Send)>,
     /// Called with the frame, the step in it, and every row of the trace.
-    pub trace: Option<&'a mut (dyn FnMut(usize, usize, &TraceRow) + Send)>,
+    pub trace: Option<&'a mut Trace<'a>>,
     /// Set it to end the run; the frame under way is dropped.
     pub cancel: Arc<AtomicBool>,
     /// Seconds that the whole run may take, and since when.

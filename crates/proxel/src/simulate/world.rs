@@ -42,6 +42,13 @@ pub(super) struct World {
     pub repaired: Vec<String>,
 }
 
+/// The elements of all bodies.
+pub(super) struct Terms {
+    pub terms: Vec<Box<dyn Term>>,
+    /// Whether the energy of each forbids inversion.
+    pub barriers: Vec<bool>,
+}
+
 /// Points of the surfaces of bodies.
 #[derive(Clone, Default)]
 pub(super) struct Touching {
@@ -304,7 +311,7 @@ impl World {
     ///
     /// # Errors
     /// Elements or materials that cannot be used.
-    pub fn terms(&self) -> Result<(Vec<Box<dyn Term>>, Vec<bool>), DeformError> {
+    pub fn terms(&self) -> Result<Terms, DeformError> {
         let (mut terms, mut barriers) = (Vec::new(), Vec::new());
         for body in &self.bodies {
             for cells in &body.cells {
@@ -316,7 +323,7 @@ impl World {
                 }
             }
         }
-        Ok((terms, barriers))
+        Ok(Terms { terms, barriers })
     }
 
     /// Where held nodes are at a time, written into positions.

@@ -27,7 +27,7 @@ pub(super) fn line_in_toml(text: &str, place: &str) -> Option<usize> {
             Step::Key(key) => {
                 table.and_then(|t| t.iter().find(|(k, _)| k.get_ref() == key)).map(|(k, v)| (k.span(), v))
             }
-            Step::Index(index) => array.and_then(|a| a.iter().nth(index)).map(|v| (v.span(), v)),
+            Step::Index(index) => array.and_then(|a| a.get(index)).map(|v| (v.span(), v)),
         };
         let Some((span, value)) = value else { break };
         found = Some(span.start);
