@@ -63,6 +63,7 @@ pub(super) struct Engine {
     inertia: f64,    // that the normal matrix was factored for
     factored: usize, // refactorisations of the normal matrix when its weights were those of the start
     characteristic: f64,
+    penalty: f64,        // norm of the stiffness of contact over all points
     split_contact: bool, // obstacles are a term of the splitting
 }
 
@@ -109,6 +110,7 @@ impl Engine {
             hessian: None,
             damping: None,
             contacts: Contacts::default(),
+            penalty: 0.0,
             settings,
             inertia,
             factored: 0,
@@ -119,9 +121,10 @@ impl Engine {
             let mut stiffness = engine.problem.node_stiffness();
             stiffness.iter_mut().zip(&world.mass).for_each(|(k, m)| *k += inertia * m);
             let points = world.touching.points.clone();
-            let k = shared(&points, &stiffness).map(|k| PENALTY * k).collect();
+            let k: Vec<f64> = shared(&points, &stiffness).map(|k| PENALTY * k).collect();
+            engine.penalty = vector::norm(&k);
             let slip = world.touching.who.iter().map(|(b, _)| STICKING * world.bodies[*b].size).collect();
-            engine.contacts = Contacts::new(points, k, slip);
+            engine.contacts = Contacts::new(points, k.into(), slip);
             engine.problem.quadratic.potentials.push(Arc::new(engine.contacts.clone()));
         }
         if world.n_free > 0 {
@@ -279,11 +282,12 @@ impl Engine {
         vector::add_scaled(&mut rest, -1.0, &inertia);
         let forces = vector::norm(&inertia) + vector::norm(&rest);
         let reference = if forces.is_finite() { forces.min(self.characteristic) } else { self.characteristic };
-        // Rounding of positions, times the stiffness of elements and of inertia.
+        // Rounding of positions, times the stiffness of elements, of inertia and of contact.
         let farthest = task.x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let size = vector::extent(&self.problem.x0, 3).max(f64::MIN_POSITIVE);
         let stiffness = vector::norm(self.problem.quadratic.inertia.stiffness());
-        let floor = ROUNDING * (self.characteristic * (farthest / size).max(1.0) + stiffness * farthest);
+        let floor = ROUNDING * (self.characteristic * (farthest / size).max(1.0) + stiffness * farthest)
+            + f64::EPSILON / 2.0 * self.penalty * farthest;
         (MARGIN * self.settings.tol * reference).max(floor)
     }
 
