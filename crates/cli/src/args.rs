@@ -14,9 +14,10 @@ use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
 use crate::demo_unwrap::UNWRAP;
 use crate::refusal::Refusal;
+use crate::simulate::{SchemaArgs, SimulateArgs};
 use crate::unwrap::UnwrapArgs;
 
-/// Poses elastic bodies and flattens surfaces: minimises deformation energies under constraints.
+/// Poses elastic bodies, lets them move, and flattens surfaces: minimises deformation energies under constraints.
 #[derive(Parser)]
 #[command(name = "proxel", version, arg_required_else_help = true, after_help = EXAMPLES)]
 struct Cli {
@@ -30,6 +31,7 @@ Examples:
   proxel info body.mesh                                 what a mesh is, and what is wrong with it
   proxel deform body.node --pins hands.toml --out posed.vtu
   proxel unwrap spot.obj --out spot-uv.obj              texture coordinates
+  proxel simulate scene.toml --out run                  bodies in motion, for ParaView
   proxel batch unwrap scans --out uv --jobs 8           all meshes in a folder
   proxel convert body.msh --out body.vtu --refine 1
 
@@ -43,6 +45,10 @@ pub enum Command {
     Deform(Box<DeformArgs>),
     /// Map a surface to the plane with the least distortion: UV coordinates.
     Unwrap(Box<UnwrapArgs>),
+    /// Let bodies of a scene move: implicit dynamics with obstacles and hard strain limits.
+    Simulate(Box<SimulateArgs>),
+    /// Print the JSON Schema of an input.
+    Schema(SchemaArgs),
     /// Do the same to many meshes, each in a process of its own, and go on where it was left.
     #[command(subcommand, arg_required_else_help = true)]
     Batch(BatchCommand),

@@ -24,6 +24,7 @@ mod interrupt;
 mod picture;
 mod progress;
 mod refusal;
+mod simulate;
 mod unwrap;
 
 use std::process::ExitCode;
@@ -45,6 +46,8 @@ fn main() -> ExitCode {
     let end = match command {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+        Command::Schema(args) => simulate::schema(&args),
         Command::Batch(command) => batch::run(command),
         Command::Demo(args) => demo::run(&args),
         Command::Info(args) => info::run(&args),

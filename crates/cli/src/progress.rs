@@ -12,11 +12,18 @@ pub struct Bar(Option<ProgressBar>);
 impl Bar {
     /// Shown unless `quiet` or where stderr is no terminal.
     pub fn new(quiet: bool, max_iters: usize) -> Self {
+        Bar::of(quiet, max_iters, "iterations")
+    }
+
+    /// The same that counts something else.
+    pub fn of(quiet: bool, total: usize, what: &str) -> Self {
         if quiet || !std::io::stderr().is_terminal() {
             return Bar(None);
         }
-        let bar = ProgressBar::new(max_iters as u64);
-        let style = ProgressStyle::with_template("{spinner} [{bar:24}] {pos}/{len} iterations, {elapsed}, {msg}");
+        let bar = ProgressBar::new(total as u64);
+        let style = ProgressStyle::with_template(&format!(
+            "{{spinner}} [{{bar:24}}] {{pos}}/{{len}} {what}, {{elapsed}}, {{msg}}"
+        ));
         if let Ok(style) = style {
             bar.set_style(style.progress_chars("=> "));
         }
@@ -38,6 +45,13 @@ impl Bar {
             0 => format!("energy {:.8e}", p.energy),
             n => format!("energy {:.8e}, {n} inverted", p.energy),
         });
+    }
+
+    /// Says how many frames are done, and how many iterations the one under way has taken.
+    pub fn show_frame(&self, done: usize, iterations: usize) {
+        let Some(bar) = &self.0 else { return };
+        bar.set_position(done as u64);
+        bar.set_message(format!("frame {}: iteration {iterations}", done + 1));
     }
 
     /// Takes the line away.

@@ -4,6 +4,7 @@ use std::fmt;
 
 use proxel::deform::DeformError;
 use proxel::pins::InputError;
+use proxel::simulate::SimulateError;
 use proxel::unwrap::UnwrapError;
 use proxel_mesh::MeshError;
 
@@ -48,6 +49,12 @@ impl From<DeformError> for Refusal {
 
 impl From<UnwrapError> for Refusal {
     fn from(e: UnwrapError) -> Self {
+        Refusal(e.to_string())
+    }
+}
+
+impl From<SimulateError> for Refusal {
+    fn from(e: SimulateError) -> Self {
         Refusal(e.to_string())
     }
 }

@@ -1,11 +1,13 @@
 //! What Proxel minimises: energies (one file each) and the batches of elements that carry them.
 
 pub mod bending;
+pub mod contact;
 pub mod elements;
 pub mod energy;
 pub mod obstacle;
 pub mod points;
 pub mod pressure;
+pub mod solid;
 
 /// The guide to contributing, whose new energy is compiled and run as a test.
 #[cfg(doctest)]

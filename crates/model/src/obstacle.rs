@@ -1,8 +1,18 @@
-//! Planes that nodes, or points that nodes carry, stay on one side of.
+//! Walls that nodes, or points that nodes carry, stay in front of.
 
 use crate::points::Points;
+use crate::solid::{Placed, deepest};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
+
+/// The border of a set that points stay in.
+pub trait Wall<const D: usize>: Send + Sync {
+    /// Signed distance of a point, negative where it must not be.
+    fn distance(&self, x: &[f64; D]) -> f64;
+
+    /// What takes a point to the nearest one where it may be; zero where it may be.
+    fn push(&self, x: &[f64; D]) -> [f64; D];
+}
 
 /// n . x >= h.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,12 +30,40 @@ impl<const D: usize> HalfSpace<D> {
     }
 }
 
-/// The indicator of a half-space for each of some points c_k = sum_i w_ki x_i, most often the nodes themselves: z = c_k, the
+impl<const D: usize> Wall<D> for HalfSpace<D> {
+    fn distance(&self, x: &[f64; D]) -> f64 {
+        HalfSpace::distance(self, x)
+    }
+
+    fn push(&self, x: &[f64; D]) -> [f64; D] {
+        let depth = (-HalfSpace::distance(self, x)).max(0.0);
+        self.normal.map(|n| depth * n)
+    }
+}
+
+/// The outside of solids: of several that a point is in, it goes to the surface of the one it is deepest in.
+#[derive(Clone, Debug, Default)]
+pub struct Solids(pub Vec<Placed>);
+
+impl Wall<3> for Solids {
+    fn distance(&self, x: &[f64; 3]) -> f64 {
+        deepest(&self.0, *x).map_or(f64::INFINITY, |nearest| nearest.distance)
+    }
+
+    fn push(&self, x: &[f64; 3]) -> [f64; 3] {
+        match deepest(&self.0, *x).filter(|nearest| nearest.distance < 0.0) {
+            Some(nearest) => [0, 1, 2].map(|d| nearest.point[d] - x[d]),
+            None => [0.0; 3],
+        }
+    }
+}
+
+/// The indicator of the front of a wall for each of some points c_k = sum_i w_ki x_i, most often the nodes themselves: z = c_k, the
 /// prox is the projection. Contact is without friction; the force on the point is w^2 u, on its nodes w_ki w^2 u.
 ///
-/// What is beyond the plane by less than [`proxel_split::VIOLATION`] times `size` counts as on its side.
-pub struct Obstacle<const D: usize> {
-    plane: HalfSpace<D>,
+/// What is beyond the wall by less than [`proxel_split::VIOLATION`] times `size` counts as on its side.
+pub struct Obstacle<const D: usize, W = HalfSpace<D>> {
+    wall: W,
     points: Points,
     full: Vec<f64>,    // w^2 of each point in contact
     weight2: Vec<f64>, // w^2 as it is
@@ -45,22 +83,22 @@ const RAISES: u32 = 4;
 /// Iterations between two changes of weights, since each costs a factorisation.
 const WAIT: u32 = 10;
 
-impl<const D: usize> Obstacle<D> {
+impl<const D: usize, W: Wall<D>> Obstacle<D, W> {
     /// Squared weights are best of the order of the stiffness that the nodes have, see
     /// [`proxel_split::Problem::node_stiffness`], over the number of points that share them; `size` is that of the body.
-    pub fn new(plane: HalfSpace<D>, points: Points, weight2: Vec<f64>, size: f64) -> Self {
+    pub fn new(wall: W, points: Points, weight2: Vec<f64>, size: f64) -> Self {
         let n = points.len();
         let (quiet, raised) = (vec![0; n], vec![0; n]);
-        Obstacle { plane, points, full: weight2.clone(), weight2, quiet, raised, waited: 0, size }
+        Obstacle { wall, points, full: weight2.clone(), weight2, quiet, raised, waited: 0, size }
     }
 
-    /// With weights that follow contact, for methods that change weights; points that are far from the plane at `x` begin
+    /// With weights that follow contact, for methods that change weights; points that are far from the wall at `x` begin
     /// with a small one.
     pub fn following(mut self, x: &[f64]) -> Self {
         /// Near is a point within this part of the size.
         const NEAR: f64 = 0.02;
         for k in 0..self.points.len() {
-            if self.plane.distance(&self.points.at::<D>(k, x)) > NEAR * self.size {
+            if self.wall.distance(&self.points.at::<D>(k, x)) > NEAR * self.size {
                 self.quiet[k] = QUIET;
                 self.weight2[k] = FAR * self.full[k];
             }
@@ -76,14 +114,14 @@ impl<const D: usize> Obstacle<D> {
     fn deepest(&self, x: &[f64]) -> f64 {
         let mut deepest = 0.0_f64;
         for k in 0..self.points.len() {
-            let below = -self.plane.distance(&self.points.at::<D>(k, x));
+            let below = -self.wall.distance(&self.points.at::<D>(k, x));
             deepest = if below <= deepest { deepest } else { below };
         }
         if deepest.is_nan() { f64::INFINITY } else { deepest / self.size }
     }
 }
 
-impl<const D: usize> Term for Obstacle<D> {
+impl<const D: usize, W: Wall<D>> Term for Obstacle<D, W> {
     fn n_elems(&self) -> usize {
         self.points.len()
     }
@@ -115,12 +153,12 @@ impl<const D: usize> Term for Obstacle<D> {
                 let i = k * D + d;
                 v[d] += u[i] + (cycle.relaxation - 1.0) * (c[d] - (p[i] + u[i]));
             }
-            let push = (-self.plane.distance(&v)).max(0.0);
-            self.quiet[k] = if push > 0.0 { 0 } else { self.quiet[k].saturating_add(1) };
+            let push = self.wall.push(&v);
+            self.quiet[k] = if push != [0.0; D] { 0 } else { self.quiet[k].saturating_add(1) };
             for d in 0..D {
                 let i = k * D + d;
                 let before = p[i] + u[i];
-                let z = v[d] + push * self.plane.normal[d];
+                let z = v[d] + push[d];
                 report.penalty_before += 0.5 * w2 * (c[d] - p[i]).powi(2);
                 report.moved2 += w2 * (z - before).powi(2);
                 report.gap2_before += w2 * (c[d] - before).powi(2);

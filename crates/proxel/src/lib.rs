@@ -2,7 +2,7 @@
 //!
 //! This crate is the facade: applications that turn a description (meshes, pins, settings) into a problem for the
 //! splitting engine and its result back into what the user gave. [`deform`] poses bodies, [`keyframes`] move their
-//! handles.
+//! handles, [`simulate`] lets them fall.
 
 pub mod deform;
 pub mod keyframes;
@@ -11,6 +11,7 @@ pub mod preview;
 pub mod report;
 pub mod samples;
 pub mod settings;
+pub mod simulate;
 pub mod unwrap;
 
 pub use proxel_linalg as linalg;

@@ -198,7 +198,7 @@ impl Default for AdmmSettings {
 }
 
 /// A material: an energy and its moduli. Young and Poisson unless mu and lambda are given.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Material {
     /// Name of the energy: neo-hookean, stable-neo-hookean, stvk, corotated, fixed-corotated, arap, spring, ...
@@ -247,7 +247,7 @@ impl Material {
 }
 
 /// What a mesh of faces without tetrahedra is taken for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SurfaceModel {
     /// The skin of a body where it is nearly closed, else a thin sheet.

@@ -46,6 +46,24 @@ impl SymmetricForm {
         form
     }
 
+    /// The sum of forms; those that are nothing may have any number of nodes, the others have the same.
+    pub fn sum(forms: &[SymmetricForm]) -> Self {
+        let n = forms.iter().filter(|form| !form.is_empty()).map(|form| form.n()).max().unwrap_or(0);
+        let mut out = SymmetricForm { starts: vec![0; if n > 0 { n + 1 } else { 0 }], ..Default::default() };
+        for i in 0..n {
+            let rows = forms.iter().filter(|form| i < form.n()).flat_map(|form| form.row(i));
+            let mut row: Vec<(usize, f64)> = rows.collect();
+            // Stable, so that equal places are summed in the order of the forms.
+            row.sort_by_key(|(column, _)| *column);
+            for same in row.chunk_by(|a, b| a.0 == b.0) {
+                out.columns.push(same[0].0 as u32);
+                out.values.push(same.iter().map(|e| e.1).sum());
+            }
+            out.starts[i + 1] = out.columns.len() as u32;
+        }
+        out
+    }
+
     /// Number of nodes; 0 for a form that is nothing.
     pub fn n(&self) -> usize {
         self.starts.len().saturating_sub(1)
@@ -177,6 +195,19 @@ mod tests {
             pairs += 1;
         });
         assert_eq!(pairs, 6, "0-1, 0-2, 0-3, 1-2, 1-3, 2-3");
+    }
+
+    #[test]
+    fn sums_add_up() {
+        let of = |k: f64, nodes: [u32; 3]| {
+            SymmetricForm::from_stencils(5, [(&nodes[..], &[1.0, -2.0, 1.0][..], k)].into_iter())
+        };
+        let (a, b) = (of(3.0, [0, 1, 2]), of(0.5, [1, 2, 4]));
+        let sum = SymmetricForm::sum(&[a.clone(), SymmetricForm::default(), b.clone()]);
+        let x = [0.3, -1.0, 2.0, 0.25, -0.5];
+        let value = |form: &SymmetricForm| form.value_and_gradient(&x, 1, None);
+        assert!((value(&sum) - value(&a) - value(&b)).abs() < 1e-14 * value(&sum));
+        assert!(sum.n() == 5 && SymmetricForm::sum(&[]).is_empty() && SymmetricForm::sum(&[]).n() == 0);
     }
 
     #[test]

@@ -14,8 +14,14 @@ pub trait Potential: std::fmt::Debug + Send + Sync {
         false
     }
 
+    /// Whether what [`Self::for_each_block`] gives is positive semidefinite everywhere, so that a Hessian that is to be so
+    /// can have it too.
+    fn is_convex(&self) -> bool {
+        false
+    }
+
     /// Parts of its second derivatives at x: the derivative of the gradient at node i by the position of node j, for i >= j,
-    /// rows for i. A pair may come more than once; parts add up.
+    /// rows for i. A pair may come more than once; parts add up. Wherever x is, the same pairs come in the same order.
     fn for_each_block(&self, x: &[f64], give: &mut dyn FnMut(usize, usize, [[f64; 3]; 3])) {
         let _ = (x, give);
     }

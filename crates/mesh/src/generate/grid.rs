@@ -4,13 +4,16 @@ use super::{invalid, positive};
 use crate::error::Result;
 use crate::mesh::Mesh;
 
-/// How a cell of the grid becomes tetrahedra. Both are conforming.
+/// How a cell of the grid becomes tetrahedra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellSplit {
-    /// Five, mirrored from cell to cell: a regular one in the middle and four corners.
+    /// Five, mirrored from cell to cell: a regular one in the middle and four corners. Conforming.
     Five,
-    /// Six around the diagonal (Kuhn 1960), the same in every cell.
+    /// Six around the diagonal (Kuhn 1960), the same in every cell. Conforming.
     Six,
+    /// Five, the same in every cell: the diagonals of neighbours cross, so that they share the corners of a face but not the
+    /// face. The bars of Overby et al. 2017 are made so.
+    FiveAlike,
 }
 
 /// More vertices than this are taken for a mistake.
@@ -44,7 +47,7 @@ pub fn beam(cells: [usize; 3], size: [f64; 3], split: CellSplit) -> Result<Mesh>
         }
     }
     let vertex = |i: usize, j: usize, k: usize| (i + (nx + 1) * (j + (ny + 1) * k)) as u32;
-    let mut tets = Vec::with_capacity(nx * ny * nz * if split == CellSplit::Five { 5 } else { 6 });
+    let mut tets = Vec::with_capacity(nx * ny * nz * if split == CellSplit::Six { 6 } else { 5 });
     for k in 0..nz {
         for j in 0..ny {
             for i in 0..nx {
@@ -59,6 +62,7 @@ pub fn beam(cells: [usize; 3], size: [f64; 3], split: CellSplit) -> Result<Mesh>
                         tets.extend(FIVE.map(|t| [t[0], t[1], t[3], t[2]].map(|c| corner(c ^ 1))));
                     }
                     CellSplit::Six => tets.extend(SIX.map(|t| t.map(corner))),
+                    CellSplit::FiveAlike => tets.extend(FIVE_ALIKE.map(|t| t.map(corner))),
                 }
             }
         }
@@ -67,6 +71,7 @@ pub fn beam(cells: [usize; 3], size: [f64; 3], split: CellSplit) -> Result<Mesh>
 }
 
 const FIVE: [[usize; 4]; 5] = [[0, 3, 6, 5], [1, 0, 5, 3], [2, 0, 3, 6], [4, 0, 6, 5], [7, 3, 5, 6]];
+const FIVE_ALIKE: [[usize; 4]; 5] = [[7, 4, 1, 5], [4, 1, 2, 7], [4, 7, 2, 6], [1, 2, 7, 3], [4, 2, 1, 0]];
 const SIX: [[usize; 4]; 6] = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
 /// A unit cube of n x n x n cells of five tetrahedra, centred at the origin.
@@ -139,6 +144,16 @@ mod tests {
             assert_eq!(faces.boundary.len(), 2 * 2 * (12 + 8 + 6));
             assert_eq!(faces.non_manifold.len(), 0);
         }
+    }
+
+    #[test]
+    fn cells_that_are_alike_share_corners_but_no_faces() {
+        let mesh = beam([12, 3, 3], [4.0, 1.0, 1.0], CellSplit::FiveAlike).unwrap();
+        assert_eq!((mesh.points.len(), mesh.tets.len()), (208, 540));
+        let check = require_volumes(&mesh).unwrap();
+        assert!((check.total - 4.0).abs() < 1e-13);
+        // All faces of all cells are on a boundary: 12 triangles a cell.
+        assert_eq!(tet_faces(&mesh.tets).boundary.len(), 12 * 108);
     }
 
     #[test]

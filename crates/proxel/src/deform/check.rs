@@ -7,7 +7,7 @@ use proxel_mesh::Mesh;
 const SIZES: [f64; 2] = [1e-45, 1e45];
 
 /// Refuses meshes whose volumes are no numbers.
-pub(super) fn check_size(name: &str, mesh: &Mesh) -> Result<(), DeformError> {
+pub(crate) fn check_size(name: &str, mesh: &Mesh) -> Result<(), DeformError> {
     let Some((low, high)) = mesh.bounding_box() else { return Ok(()) };
     let size = (0..3).map(|d| high[d] - low[d]).fold(0.0, f64::max);
     if size > 0.0 && !(SIZES[0]..=SIZES[1]).contains(&size) {
@@ -19,7 +19,7 @@ pub(super) fn check_size(name: &str, mesh: &Mesh) -> Result<(), DeformError> {
 }
 
 /// Lengths, numbers and indices of everything that comes with the mesh.
-pub(super) fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), DeformError> {
+pub(crate) fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result<(), DeformError> {
     for (what, positions) in [("start", &input.start), ("reference", &input.reference)] {
         let Some(positions) = positions else { continue };
         if positions.len() != n {

@@ -11,7 +11,7 @@ use proxel_split::{Equalities, Equality, EqualityError, Problem, Term, VIOLATION
 use std::sync::Arc;
 
 /// Squared weights of obstacles over the stiffness that a node has from its elements.
-const OBSTACLE_WEIGHT: f64 = 0.3;
+pub(crate) const OBSTACLE_WEIGHT: f64 = 0.3;
 
 /// The faces that pressure on some vertices acts on: of the skin, else of the boundary of tetrahedra, else triangles.
 fn patch(kinds: &[Cells], input: &DeformInput, vertices: &[u32]) -> Vec<[u32; 3]> {
@@ -270,7 +270,7 @@ impl Around<'_> {
 }
 
 /// The stiffness that each point has from its free nodes, in equal parts with the other points that these carry.
-fn shared(points: &Points, stiffness: &[f64]) -> impl Iterator<Item = f64> {
+pub(crate) fn shared(points: &Points, stiffness: &[f64]) -> impl Iterator<Item = f64> {
     let mut crowd = vec![0.0; stiffness.len()]; // the sum of weights at each free node
     (0..points.len()).for_each(|k| points.spread(k, [1.0], &mut crowd));
     (0..points.len()).map(move |k| {

@@ -8,7 +8,7 @@ use proxel_split::Term;
 use std::collections::BTreeMap;
 
 /// Elements of one dimension, in the order of the mesh.
-pub(super) enum Cells {
+pub(crate) enum Cells {
     /// Tetrahedra.
     Tets(Vec<[u32; 4]>),
     /// Triangles in space.
@@ -122,7 +122,7 @@ impl Cells {
 }
 
 /// A batch, and whether its energy is infinite, or its prox forbidden, where an element is inverted.
-pub(super) struct Built {
+pub(crate) struct Built {
     pub term: Box<dyn Term>,
     pub barrier: bool,
 }
@@ -133,7 +133,7 @@ const NEARLY_INCOMPRESSIBLE: f64 = 1.5;
 
 /// The elements `chosen` of `cells` as a batch over flat positions `x` at rest, three numbers a node or, in the plane, two;
 /// `number` renumbers vertices, `fill` is the part of every element that is material.
-pub(super) fn build(
+pub(crate) fn build(
     cells: &Cells,
     chosen: &[usize],
     fill: Option<&[f64]>,
@@ -199,7 +199,7 @@ pub(super) fn build(
 }
 
 /// The size of every element over flat rest positions with `dim` numbers a node, for masses.
-pub(super) fn measures(cells: &Cells, x: &[f64], dim: usize) -> Vec<f64> {
+pub(crate) fn measures(cells: &Cells, x: &[f64], dim: usize) -> Vec<f64> {
     let at = |v: u32| -> [f64; 3] { std::array::from_fn(|d| if d < dim { x[v as usize * dim + d] } else { 0.0 }) };
     let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|d| a[d] - b[d]) };
     let cross =
@@ -233,7 +233,7 @@ pub(super) fn measures(cells: &Cells, x: &[f64], dim: usize) -> Vec<f64> {
 
 /// The mass of every element over its corners in equal parts, times gravity, is added to `forces`. `renumbered` are `kinds`,
 /// as [`Cells::all`] gives them, over the flat rest positions `x` with `dim` numbers a node.
-pub(super) fn add_weights(
+pub(crate) fn add_weights(
     renumbered: &[Cells],
     kinds: &[Cells],
     mesh: &Mesh,

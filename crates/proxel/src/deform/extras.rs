@@ -49,6 +49,37 @@ impl Extras {
     }
 }
 
+impl Extras {
+    /// Stretches, energies and stresses of the elements `cells` of a mesh, from flat positions at rest and now.
+    pub(crate) fn fill(
+        &mut self,
+        mesh: &Mesh,
+        cells: &Cells,
+        settings: &DeformSettings,
+        (rest, x): (&[f64], &[f64]),
+        dim: usize,
+    ) -> Result<(), DeformError> {
+        self.stretches = vec![[1.0; 3]; cells.len()];
+        self.energy_density = vec![0.0; cells.len()];
+        self.von_mises = vec![0.0; cells.len()];
+        for (material, chosen) in cells.by_material(mesh, settings) {
+            let lame = material.lame().map_err(|e| DeformError(e.to_string()))?;
+            let size = cells.size();
+            let corners: Vec<u32> =
+                chosen.iter().flat_map(|e| &cells.corners()[e * size..(e + 1) * size]).copied().collect();
+            let batch = Batch { name: &material.energy, rest, x, corners: &corners, chosen: &chosen };
+            match (cells, dim) {
+                (Cells::Tets(_), _) => visit_3d(batch.name, &lame, batch.fill::<3, 3>(self)?).map_err(unknown)?,
+                (Cells::Triangles(_), 3) => visit_2d(batch.name, &lame, batch.fill::<3, 2>(self)?).map_err(unknown)?,
+                (Cells::Triangles(_), _) => visit_2d(batch.name, &lame, batch.fill::<2, 2>(self)?).map_err(unknown)?,
+                (Cells::Springs(_), 3) => visit_1d(batch.name, &lame, batch.fill::<3, 1>(self)?).map_err(unknown)?,
+                (Cells::Springs(_), _) => visit_1d(batch.name, &lame, batch.fill::<2, 1>(self)?).map_err(unknown)?,
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Works out the fields of a result.
 ///
 /// # Errors
@@ -70,9 +101,9 @@ pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformati
     let centred = |p: &[[f64; 3]]| -> Vec<f64> { p.iter().flat_map(|p| (0..dim).map(|d| p[d] - center[d])).collect() };
     let (rest, x) = (centred(&mesh.points), centred(&result.positions));
     let mut out = Extras {
-        stretches: vec![[1.0; 3]; cells.len()],
-        energy_density: vec![0.0; cells.len()],
-        von_mises: vec![0.0; cells.len()],
+        stretches: Vec::new(),
+        energy_density: Vec::new(),
+        von_mises: Vec::new(),
         reaction: result.reaction.clone(),
         displacement: mesh
             .points
@@ -85,20 +116,7 @@ pub fn extras(input: &DeformInput, settings: &DeformSettings, result: &Deformati
     for (v, _) in &input.fixed {
         out.pinned[*v as usize] = 1.0;
     }
-    for (material, chosen) in cells.by_material(mesh, settings) {
-        let lame = material.lame().map_err(|e| DeformError(e.to_string()))?;
-        let size = cells.size();
-        let corners: Vec<u32> =
-            chosen.iter().flat_map(|e| &cells.corners()[e * size..(e + 1) * size]).copied().collect();
-        let batch = Batch { name: &material.energy, rest: &rest, x: &x, corners: &corners, chosen: &chosen };
-        match (cells, dim) {
-            (Cells::Tets(_), _) => visit_3d(batch.name, &lame, batch.fill::<3, 3>(&mut out)?).map_err(unknown)?,
-            (Cells::Triangles(_), 3) => visit_2d(batch.name, &lame, batch.fill::<3, 2>(&mut out)?).map_err(unknown)?,
-            (Cells::Triangles(_), _) => visit_2d(batch.name, &lame, batch.fill::<2, 2>(&mut out)?).map_err(unknown)?,
-            (Cells::Springs(_), 3) => visit_1d(batch.name, &lame, batch.fill::<3, 1>(&mut out)?).map_err(unknown)?,
-            (Cells::Springs(_), _) => visit_1d(batch.name, &lame, batch.fill::<2, 1>(&mut out)?).map_err(unknown)?,
-        }
-    }
+    out.fill(mesh, cells, settings, (&rest, &x), dim)?;
     Ok(out)
 }
 

@@ -4,14 +4,14 @@
 //! units and vertex order; inside, the mesh is moved to the origin and vertices are sorted, free ones first.
 
 mod body;
-mod check;
-mod constraints;
-mod elements;
-mod embedded;
+pub(crate) mod check;
+pub(crate) mod constraints;
+pub(crate) mod elements;
+pub(crate) mod embedded;
 mod extras;
 mod live;
 mod planar;
-mod sheet;
+pub(crate) mod sheet;
 mod skin;
 mod start;
 mod watch;
@@ -133,7 +133,7 @@ pub fn deform(
 }
 
 /// The threads that settings ask for.
-fn pool(settings: &DeformSettings) -> Result<rayon::ThreadPool, DeformError> {
+pub(crate) fn pool(settings: &DeformSettings) -> Result<rayon::ThreadPool, DeformError> {
     let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -286,10 +286,10 @@ impl Finished {
 }
 
 /// Steps that a method may refuse in a row.
-const REFUSALS: usize = 5;
+pub(crate) const REFUSALS: usize = 5;
 
 /// Puts the method together: parts, no special cases.
-fn method(problem: Problem, settings: &DeformSettings) -> Result<Box<dyn Method>, SystemError> {
+pub(crate) fn method(problem: Problem, settings: &DeformSettings) -> Result<Box<dyn Method>, SystemError> {
     let name = settings.method;
     Ok(match name {
         MethodName::Newton | MethodName::NewtonCg | MethodName::ProjectedNewton => {
@@ -319,13 +319,18 @@ fn method(problem: Problem, settings: &DeformSettings) -> Result<Box<dyn Method>
 
 /// The splitting methods differ in coupling, global step and weights.
 fn splitting(problem: Problem, settings: &DeformSettings) -> Result<Admm, SystemError> {
+    Admm::new(problem, admm_settings(settings))
+}
+
+/// The parts of a splitting method.
+pub(crate) fn admm_settings(settings: &DeformSettings) -> AdmmSettings {
     let name = settings.method;
     let global: Box<dyn GlobalStep> = match name.is_rotation_aware() {
         true => Box::new(Lbfgs::new(settings.admm.lbfgs())),
         false => Box::new(Direct),
     };
     let reweighting = name.is_reweighted().then(|| settings.admm.reweighting(name.is_rotation_aware()));
-    Admm::new(problem, AdmmSettings { name: name.as_str().to_string(), global, reweighting, renewed_at: None })
+    AdmmSettings { name: name.as_str().to_string(), global, reweighting, renewed_at: None }
 }
 
 /// Whether the method can hold what the problem asks to be held.

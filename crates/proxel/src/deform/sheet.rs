@@ -7,7 +7,7 @@ use proxel_model::bending::Bending;
 use proxel_split::SymmetricForm;
 
 /// Refuses what asks for triangles where there are none, and triangles that are none.
-pub(super) fn check(
+pub(crate) fn check(
     name: &str,
     points: &[[f64; 3]],
     settings: &DeformSettings,
@@ -23,7 +23,7 @@ pub(super) fn check(
 }
 
 /// The quadratic form of bending over all triangles, in the solver's numbering; edges that cannot bend are warned of.
-pub(super) fn bending(
+pub(crate) fn bending(
     name: &str,
     settings: &DeformSettings,
     kinds: &[Cells],
@@ -90,7 +90,7 @@ fn check_areas(name: &str, points: &[[f64; 3]], kinds: &[Cells]) -> Result<(), D
 }
 
 /// A warning where elements have the same corners: they count as often as they are there.
-pub(super) fn repeated(name: &str, kinds: &[Cells]) -> Vec<String> {
+pub(crate) fn repeated(name: &str, kinds: &[Cells]) -> Vec<String> {
     let mut warnings = Vec::new();
     for cells in kinds {
         let mut sorted: Vec<(Vec<u32>, usize)> = cells

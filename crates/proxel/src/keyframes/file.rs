@@ -103,6 +103,20 @@ impl KeyframeFile {
         Self::checked(name, content)
     }
 
+    /// The keys of one group; `name` stands in messages for the file.
+    ///
+    /// # Errors
+    /// As [`Self::from_toml`].
+    pub(crate) fn of_group(
+        name: impl Into<String>,
+        group: &str,
+        keys: impl IntoIterator<Item = (f64, Key)>,
+    ) -> Result<Self, InputError> {
+        let keyframe = |(time, key)| Keyframe { time, groups: BTreeMap::from([(group.to_owned(), key)]) };
+        let keyframes = keys.into_iter().map(keyframe).collect();
+        Self::checked(name.into(), Content { frames_per_second: None, frames: Some(1), keyframes })
+    }
+
     fn checked(name: String, content: Content) -> Result<Self, InputError> {
         let refuse = |what: String, remedy: &str| Err(InputError::new(name.clone(), what, remedy));
         if content.keyframes.is_empty() {

@@ -54,7 +54,7 @@ pub struct Group {
 }
 
 /// The box from `min` to `max`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Region {
     /// The smallest corner.
@@ -64,7 +64,7 @@ pub struct Region {
 }
 
 /// A ball.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sphere {
     /// Its centre.
@@ -74,7 +74,7 @@ pub struct Sphere {
 }
 
 /// The side of a plane that its normal points to.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HalfSpace {
     /// A point of the plane.
@@ -84,7 +84,7 @@ pub struct HalfSpace {
 }
 
 /// How several ways to choose vertices go together.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Combine {
     /// In all of them.
@@ -95,7 +95,7 @@ pub enum Combine {
 }
 
 /// A rotation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rotation {
     /// Its axis, of any length.
@@ -156,7 +156,7 @@ pub enum Force {
 }
 
 /// A 0-based vertex index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, schemars::JsonSchema)]
 #[serde(transparent)]
 pub struct Index(pub u32);
 
@@ -273,7 +273,7 @@ impl Group {
     }
 
     /// What can be said without a mesh.
-    fn check(&self) -> Result<(), (String, &'static str)> {
+    pub(crate) fn check(&self) -> Result<(), (String, &'static str)> {
         let chosen = self.indices.is_some() || self.region.is_some() || self.sphere.is_some();
         if !chosen && self.plane.is_none() {
             return Err(("it chooses no vertices".into(), "add indices, box, sphere or plane"));

@@ -5,7 +5,7 @@ use super::{Combine, Group, InputError};
 impl Group {
     /// The vertices by their rest positions: `indices` as listed where nothing else chooses, else
     /// ascending.
-    pub(super) fn select(&self, file: &str, name: &str, rest: &[[f64; 3]]) -> Result<Vec<u32>, InputError> {
+    pub(crate) fn select(&self, file: &str, name: &str, rest: &[[f64; 3]]) -> Result<Vec<u32>, InputError> {
         let mut listed: Option<Vec<u32>> = None;
         if let Some(indices) = &self.indices {
             if let Some(v) = indices.iter().find(|v| v.0 as usize >= rest.len()) {

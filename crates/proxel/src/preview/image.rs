@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use proxel_mesh::{MeshError, atomic_write};
+use proxel_mesh::{ErrorKind, MeshError, atomic_write};
 
 use super::color::{blend, to_byte, to_linear};
 
@@ -60,4 +60,58 @@ impl Image {
             Ok(writer.finish()?)
         })
     }
+}
+
+/// Writes pictures of equal size, PNG files of 8-bit RGB such as [`Image::write_png`] makes, as one animated PNG that shows
+/// each for `seconds`, whole or not at all. One picture at a time is in memory.
+///
+/// # Errors
+/// A picture that cannot be read or has another size, a path that cannot be written.
+pub fn animate_pngs(path: &Path, frames: &[std::path::PathBuf], seconds: f64) -> Result<(), MeshError> {
+    /// The longest time that the format can hold, in milliseconds.
+    const LONGEST: f64 = 65535.0;
+    let Some(first) = frames.first() else {
+        let what = "there are no pictures to animate";
+        return Err(MeshError::new(ErrorKind::Empty, path.display().to_string(), what, "give at least one"));
+    };
+    let (width, height, _) = read_png(first)?;
+    let milliseconds = (1000.0 * seconds).round().clamp(1.0, LONGEST) as u16;
+    let mut failed = None;
+    let end = atomic_write(path, |w| {
+        let mut encoder = png::Encoder::new(w, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_animated(frames.len() as u32, 0)?;
+        encoder.set_frame_delay(milliseconds, 1000)?;
+        let mut writer = encoder.write_header()?;
+        for frame in frames {
+            match read_png(frame) {
+                Ok((w, h, pixels)) if (w, h) == (width, height) => writer.write_image_data(&pixels)?,
+                Ok(_) => return Err(std::io::Error::other("pictures of several sizes")),
+                Err(e) => {
+                    failed = Some(e);
+                    return Err(std::io::Error::other("a picture cannot be read"));
+                }
+            }
+        }
+        Ok(writer.finish()?)
+    });
+    failed.map_or(end, Err)
+}
+
+/// Width, height and the bytes of an 8-bit RGB picture.
+fn read_png(path: &Path) -> Result<(u32, u32, Vec<u8>), MeshError> {
+    let bad = |what: String| {
+        MeshError::new(ErrorKind::Io, path.display().to_string(), format!("it cannot be read: {what}"), "draw it anew")
+    };
+    let file = std::fs::File::open(path).map_err(|e| bad(e.to_string()))?;
+    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().map_err(|e| bad(e.to_string()))?;
+    let size = reader.output_buffer_size().ok_or_else(|| bad("it is too large".to_string()))?;
+    let mut pixels = vec![0; size];
+    let info = reader.next_frame(&mut pixels).map_err(|e| bad(e.to_string()))?;
+    if (info.color_type, info.bit_depth) != (png::ColorType::Rgb, png::BitDepth::Eight) {
+        return Err(bad("it has other colours than 8-bit RGB".to_string()));
+    }
+    pixels.truncate(info.buffer_size());
+    Ok((info.width, info.height, pixels))
 }

@@ -33,7 +33,7 @@ pub use camera::Camera;
 pub use checker::{Checker, draw_checkerboard};
 pub use color::{PIN_RED, SAND, blend, colour_map};
 pub use distortion::{FLIPPED, heat_map, singular_values, stretch_color, stretches};
-pub use image::Image;
+pub use image::{Image, animate_pngs};
 pub use uv_map::{UvPicture, draw_uv_map};
 
 use camera::{Frame, View};

@@ -36,7 +36,8 @@ impl Price {
         Price { factor: assembly + FLOP * cost.flops / iteration, gradients: assembly + STEPS * step / iteration }
     }
 
-    pub(super) fn of(problem: &Problem, normal: &NormalMatrix) -> (Self, FactorCost) {
+    /// The price of a problem with this normal matrix, and what factoring its Hessian costs.
+    pub fn of(problem: &Problem, normal: &NormalMatrix) -> (Self, FactorCost) {
         let elements = problem.terms.iter().map(|term| term.n_elems()).sum();
         let cost = FactorCost::of(normal, problem.dim);
         let entries = normal.symbolic().factor_nnz() as f64;

@@ -129,10 +129,8 @@ impl Hessian {
         if !self.form.is_empty() {
             self.matrix.add_identities(&self.form)?;
         }
-        // What is projected is to stay positive semidefinite: a potential need not be, and is left out then.
-        if projection == Projection::None {
-            self.add_potentials(problem, x);
-        }
+        // What is projected is to stay positive semidefinite: a potential that need not be is left out then.
+        self.add_potentials(problem, x, projection == Projection::None);
         self.assembled = true;
         Ok(())
     }
@@ -155,17 +153,30 @@ impl Hessian {
         }
     }
 
-    fn add_potentials(&mut self, problem: &Problem, x: &[f64]) {
+    fn add_potentials(&mut self, problem: &Problem, x: &[f64], all: bool) {
         let size = self.matrix.dim() * self.matrix.dim();
         let (values, mut slots) = (self.matrix.values_mut(), self.potentials.iter());
         for potential in &problem.quadratic.potentials {
+            let wanted = all || potential.is_convex();
             potential.for_each_block(x, &mut |_, _, block| {
-                if let Some(slot) = slots.next().filter(|slot| **slot != NONE) {
+                if let Some(slot) = slots.next().filter(|slot| wanted && **slot != NONE) {
                     let to = &mut values[*slot as usize * size..][..size];
                     to.iter_mut().zip(block.as_flattened()).for_each(|(to, v)| *to += v);
                 }
             });
         }
+    }
+
+    /// For the same problem with terms made anew: they find the places of their second derivatives again, and what was
+    /// assembled and factored is forgotten. The analysis of the factor stays.
+    pub fn renew(&mut self, problem: &mut Problem, normal: &NormalMatrix) {
+        for term in &mut problem.terms {
+            if let Some(curvature) = term.curvature() {
+                curvature.prepare(normal.matrix().0);
+            }
+        }
+        self.assembled = false;
+        self.factored = false;
     }
 
     /// The matrix as it was assembled.

@@ -236,7 +236,7 @@ impl Model {
             Some(a) => (0..self.count(a)).map(|i| self.index(a, i)).collect(),
             None => (0..self.count(&p["attributes"]["POSITION"])).collect(),
         };
-        let all = match p["mode"].as_u64() {
+        match p["mode"].as_u64() {
             None | Some(4) => listed.chunks(3).map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>(),
             Some(5) => (2..listed.len())
                 .map(|i| if i % 2 == 0 { [i - 2, i - 1, i] } else { [i - 1, i - 2, i] }.map(|k| listed[k]))
@@ -244,8 +244,7 @@ impl Model {
                 .collect(),
             Some(6) => (2..listed.len()).map(|i| [listed[0], listed[i - 1], listed[i]]).collect(),
             _ => Vec::new(),
-        };
-        all
+        }
     }
 
     pub fn index(&self, a: &Value, i: usize) -> usize {

@@ -12,7 +12,7 @@ const FITS: f64 = 1e-9;
 
 /// What becomes of the pins of a surface.
 #[derive(Default)]
-pub(super) struct Held {
+pub(crate) struct Held {
     /// Nodes of the lattice that are fixed, ascending, and where.
     pub nodes: Vec<(u32, V3)>,
     /// Springs for the pins that no common motion fits, by vertex.
@@ -24,7 +24,7 @@ impl Carrier {
     /// fixed where that motion takes them, and the pins are exact. The motion is that of least squares (Kabsch 1976); of
     /// a single pin it is a shift, so that its tetrahedron keeps its direction. Pins that no such motion fits, because
     /// targets stretch the surface or two groups share a node, are left to springs.
-    pub(super) fn held(&self, rest: &[V3], fixed: &[(u32, V3)]) -> Held {
+    pub(crate) fn held(&self, rest: &[V3], fixed: &[(u32, V3)]) -> Held {
         let mut out = Held::default();
         for set in self.sets(fixed) {
             let pairs: Vec<(V3, V3)> = set.iter().map(|&i| (rest[fixed[i].0 as usize], fixed[i].1)).collect();

@@ -59,7 +59,7 @@ impl Carrier {
     }
 
     /// The surface, outside out.
-    fn skin(&self, surface: &Mesh) -> Skin {
+    pub(crate) fn skin(&self, surface: &Mesh) -> Skin {
         let mut triangles = surface.faces.fan_triangles();
         if self.is_turned {
             triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -108,7 +108,12 @@ impl Carrier {
     }
 
     /// The lattice where it carries the surface to `points`, as nearly as it can and smoothly.
-    fn start(&self, points: &[[f64; 3]], pins: &[PointSpring], modulus: f64) -> Result<Vec<[f64; 3]>, DeformError> {
+    pub(crate) fn start(
+        &self,
+        points: &[[f64; 3]],
+        pins: &[PointSpring],
+        modulus: f64,
+    ) -> Result<Vec<[f64; 3]>, DeformError> {
         let mesh = &self.embedding.lattice;
         let origin = mesh.points.first().copied().unwrap_or_default();
         let mut ties = self.stiff(points.iter().copied().enumerate(), START * self.embedding.cell);

@@ -34,7 +34,7 @@ pub struct Carrier {
 }
 
 /// What a surface is taken for.
-pub(super) enum Carrying {
+pub(crate) enum Carrying {
     /// The skin of a body.
     Body(Box<Carrier>),
     /// Elements, as they are; and what the user should know about it.
@@ -80,7 +80,7 @@ impl Carrier {
     }
 
     /// Decides by the settings and by whether the surface is nearly closed.
-    pub(super) fn of(input: &DeformInput, settings: &DeformSettings) -> Result<Carrying, DeformError> {
+    pub(crate) fn of(input: &DeformInput, settings: &DeformSettings) -> Result<Carrying, DeformError> {
         let mesh = &input.rest;
         let elements = !mesh.tets.is_empty() || mesh.faces.is_empty();
         let embeds = match settings.surface {
@@ -139,7 +139,7 @@ impl Carrier {
     }
 
     /// What the user should know.
-    pub(super) fn warnings(&self) -> &[String] {
+    pub(crate) fn warnings(&self) -> &[String] {
         &self.warnings
     }
 

@@ -1,0 +1,97 @@
+//! The options of `proxel simulate` and `proxel schema`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use proxel::settings::MethodName;
+use proxel::simulate::{Scene, SceneFile, SolverSpec};
+
+use crate::refusal::Refusal;
+
+/// The arguments of `proxel simulate`.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  proxel simulate scene.toml --out run                  frames, frames.csv, report.json, frames.pvd for ParaView
+  proxel simulate scene.toml --out run --resume         go on from the last complete frame
+  proxel schema scene > scene.schema.json               what a scene can say
+
+Exit status: 0 all steps converged, 1 failed, 2 bad scene, 3 some steps stopped before convergence or the time
+was over, 130 cancelled. Every complete frame is kept.")]
+pub struct SimulateArgs {
+    /// The scene, .toml or .json.
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The folder for frames; made if it is not there.
+    #[arg(long, short, value_name = "DIR", required_unless_present = "show_settings")]
+    pub out: Option<PathBuf>,
+    /// Go on from the last complete frame in DIR, with the same result as without the break.
+    #[arg(long)]
+    pub resume: bool,
+    /// The minimiser of each step, instead of the scene's.
+    #[arg(long, value_name = "NAME", value_parser = method)]
+    pub method: Option<MethodName>,
+    /// Frames after the start, instead of the scene's.
+    #[arg(long, value_name = "N")]
+    pub frames: Option<usize>,
+    /// Most iterations a step, instead of the scene's.
+    #[arg(long, value_name = "N")]
+    pub max_iters: Option<usize>,
+    /// Tolerance of each step, instead of the scene's.
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    pub tol: Option<f64>,
+    /// Another copy of DIR/report.json.
+    #[arg(long, value_name = "R.json")]
+    pub report: Option<PathBuf>,
+    /// One row an iteration of each step, as CSV.
+    #[arg(long, value_name = "T.csv")]
+    pub trace: Option<PathBuf>,
+    /// A picture of the last frame.
+    #[arg(long, value_name = "P.png")]
+    pub preview: Option<PathBuf>,
+    /// Threads; all processors if not given. The result is the same for any number.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Stop after so many seconds, with all frames complete by then (exit status 3).
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub time_limit: Option<f64>,
+    /// Print nothing but errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Print the scene with all defaults filled in, as TOML, and simulate nothing.
+    #[arg(long)]
+    pub show_settings: bool,
+}
+
+/// The arguments of `proxel schema`.
+#[derive(Args)]
+pub struct SchemaArgs {
+    /// What is described: scene, the input of `proxel simulate`.
+    #[arg(value_name = "WHAT", value_parser = ["scene"])]
+    pub what: String,
+}
+
+fn method(name: &str) -> Result<MethodName, String> {
+    SolverSpec::method_of(name)
+}
+
+impl SimulateArgs {
+    /// The scene with the options in the place of its settings.
+    pub fn read(&self) -> Result<SceneFile, Refusal> {
+        if let Some(limit) = self.time_limit.filter(|t| !(*t > 0.0 && t.is_finite())) {
+            return Err(Refusal::new(format!("--time-limit is {limit}; give a positive number of seconds")));
+        }
+        if self.threads == Some(0) {
+            return Err(Refusal::new("--threads is 0; give at least 1"));
+        }
+        let mut file = SceneFile::read(&self.scene)?;
+        file.change(|scene: &mut Scene| {
+            let solver = &mut scene.solver;
+            solver.method = self.method.unwrap_or(solver.method);
+            solver.max_iters = self.max_iters.unwrap_or(solver.max_iters);
+            solver.tol = self.tol.unwrap_or(solver.tol);
+            scene.time.frames = self.frames.unwrap_or(scene.time.frames);
+        })?;
+        Ok(file)
+    }
+}

@@ -1,0 +1,232 @@
+//! From a scene to a folder of frames.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use proxel::report::{Report, Seconds, TraceRow};
+use proxel::simulate::{Folder, FrameRecord, Hooks, Progress, SceneFile, Simulation, schema as scene_schema};
+
+use super::{SchemaArgs, SimulateArgs};
+use crate::files::{Outputs, peak_bytes, write_text};
+use crate::interrupt::{CANCELLED, Interrupt};
+use crate::progress::Bar;
+use crate::refusal::Refusal;
+
+/// Prints the JSON Schema of scenes.
+pub fn schema(_: &SchemaArgs) -> Result<u8, Refusal> {
+    let text = serde_json::to_string_pretty(&scene_schema());
+    say!("{}", text.map_err(|e| Refusal::new(format!("the schema cannot be printed: {e}")))?);
+    Ok(0)
+}
+
+/// Reads, simulates, writes each frame as it comes.
+pub fn run(args: &SimulateArgs) -> Result<u8, Refusal> {
+    let file = args.read()?;
+    if args.show_settings {
+        let text = file.completed()?;
+        say!("{}", text.trim_end());
+        return Ok(0);
+    }
+    let Some(out) = &args.out else { return Err(Refusal::new("--out is needed; see proxel simulate --help")) };
+    Outputs::default()
+        .file("--report", args.report.as_deref(), &[])?
+        .file("--trace", args.trace.as_deref(), &[])?
+        .file("--preview", args.preview.as_deref(), &["png"])?
+        .check()?;
+    let interrupt = Interrupt::listen()?;
+    let began = Instant::now();
+    let simulation = Simulation::new(&file, args.threads)?;
+    let setup = began.elapsed().as_secs_f64();
+    let mut run = Run {
+        args,
+        file: &file,
+        simulation,
+        began,
+        setup,
+        written: 0.0,
+        worst: ("converged".to_string(), String::new()),
+        rows: Vec::new(),
+    };
+    let folder = run.open(out)?;
+    run.play(folder, &interrupt)
+}
+
+struct Run<'a> {
+    args: &'a SimulateArgs,
+    file: &'a SceneFile,
+    simulation: Simulation,
+    began: Instant,
+    setup: f64,
+    written: f64,            // seconds spent writing
+    worst: (String, String), // status and reason of the worst frame so far
+    rows: Vec<String>,       // of the trace
+}
+
+/// How bad an end is: a run is as good as its worst frame.
+fn rank(status: &str) -> usize {
+    ["converged", "stopped", "cancelled", "failed"].iter().position(|s| *s == status).unwrap_or(0)
+}
+
+impl Run<'_> {
+    /// The folder, with frame 0 or with the frames of before.
+    fn open(&mut self, out: &Path) -> Result<Folder, Refusal> {
+        if self.args.resume {
+            let (folder, state) = Folder::reopen(out, self.file)?;
+            self.simulation.resume(state)?;
+            for record in folder.records() {
+                self.judge(record);
+            }
+            return Ok(folder);
+        }
+        let mut folder = Folder::create(out, self.file)?;
+        let record = self.simulation.start_record();
+        self.write(&mut folder, record)?;
+        Ok(folder)
+    }
+
+    fn judge(&mut self, record: &FrameRecord) {
+        if rank(&record.status) > rank(&self.worst.0) {
+            self.worst = (record.status.clone(), format!("frame {}: {}", record.frame, record.reason));
+        }
+    }
+
+    fn write(&mut self, folder: &mut Folder, record: FrameRecord) -> Result<(), Refusal> {
+        let began = Instant::now();
+        let simulation = &self.simulation;
+        let frame = simulation.frame(record)?;
+        let preview = simulation.scene().output.preview.then(|| simulation.preview());
+        let report = self.report(folder, "stopped", "it broke off after this frame; go on with --resume");
+        let (free, driven) = (simulation.is_free(), simulation.is_driven());
+        folder.write(&frame, preview.as_ref(), simulation.state(), &report, free, driven)?;
+        self.written += began.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Frame after frame.
+    fn play(&mut self, mut folder: Folder, interrupt: &Interrupt) -> Result<u8, Refusal> {
+        let total = self.simulation.scene().time.frames;
+        let bar = Bar::of(self.args.quiet, total, "frames");
+        let cancel = interrupt.solving();
+        while self.simulation.frame_count() < total {
+            let done = self.simulation.frame_count();
+            let record = {
+                let mut on_progress = |p: &Progress| bar.show_frame(done, p.iterations);
+                let rows = &mut self.rows;
+                let mut on_row = |frame: usize, step: usize, row: &TraceRow| {
+                    rows.push(format!("{frame},{step},{}", row.to_csv()));
+                };
+                let mut hooks = Hooks { cancel: cancel.clone(), ..Hooks::default() };
+                hooks.time_limit = self.args.time_limit.map(|limit| (self.began, limit));
+                if bar.is_shown() {
+                    hooks.progress = Some(&mut on_progress);
+                }
+                if self.args.trace.is_some() {
+                    hooks.trace = Some(&mut on_row);
+                }
+                self.simulation.advance(&mut hooks)
+            };
+            let record = match record {
+                Ok(record) => record,
+                Err(e) => {
+                    self.worst = ("failed".into(), format!("frame {}: {e}", done + 1));
+                    break;
+                }
+            };
+            self.judge(&record);
+            if self.simulation.frame_count() == done {
+                // Dropped: cancelled, out of time, or failed.
+                break;
+            }
+            self.write(&mut folder, record)?;
+        }
+        bar.clear();
+        interrupt.writing();
+        self.finish(&folder)
+    }
+
+    fn finish(&mut self, folder: &Folder) -> Result<u8, Refusal> {
+        let began = Instant::now();
+        let mut written: Vec<PathBuf> = vec![folder.path().join("frames.pvd"), folder.path().join("frames.csv")];
+        written.extend(folder.finish()?);
+        self.written += began.elapsed().as_secs_f64();
+        let (status, mut reason) = self.worst.clone();
+        let (done, total) = (self.simulation.frame_count(), self.simulation.scene().time.frames);
+        if status == "converged" {
+            reason = format!("all steps of {done} frames converged");
+        }
+        let report = self.report(folder, &status, &reason);
+        let text = folder.write_report(&report, self.simulation.is_free(), self.simulation.is_driven())?;
+        written.push(folder.path().join("report.json"));
+        if let Some(path) = &self.args.report {
+            write_text(path, &text)?;
+            written.push(path.clone());
+        }
+        if let Some(path) = &self.args.trace {
+            let header = format!("frame,step,{}", TraceRow::HEADER);
+            let rows: Vec<&str> = std::iter::once(&header).chain(&self.rows).map(String::as_str).collect();
+            write_text(path, &(rows.join("\n") + "\n"))?;
+            written.push(path.clone());
+        }
+        if let Some(path) = &self.args.preview {
+            self.simulation.preview().write_png(path)?;
+            written.push(path.clone());
+        }
+        if !self.args.quiet {
+            for warning in &report.warnings {
+                eprintln!("warning: {warning}");
+            }
+            for repair in &report.repaired {
+                eprintln!("repaired: {repair}");
+            }
+            say!("{status}: {done} of {total} frames, {} iterations, {:.2} s", report.iterations, self.seconds());
+            if status != "converged" {
+                say!("{reason}");
+            }
+            written.iter().for_each(|path| say!("wrote {}", path.display()));
+        }
+        Ok(match status.as_str() {
+            "converged" => 0,
+            "stopped" => 3,
+            "cancelled" => CANCELLED,
+            _ => {
+                eprintln!("error: {reason}");
+                1
+            }
+        })
+    }
+
+    fn seconds(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    fn report(&self, folder: &Folder, status: &str, reason: &str) -> Report {
+        let records = folder.records();
+        let last = records.last();
+        let (warnings, repaired) = self.simulation.notes();
+        let solve = (self.seconds() - self.setup - self.written).max(0.0);
+        Report {
+            version: env!("CARGO_PKG_VERSION").to_string(),
+            command: "simulate".to_string(),
+            settings: serde_json::to_value(self.simulation.scene()).unwrap_or_default(),
+            method: self.simulation.scene().solver.method.as_str().to_string(),
+            status: status.to_string(),
+            reason: reason.to_string(),
+            iterations: records.iter().map(|r| r.iterations).sum(),
+            energy: last.map(|r| r.energy()),
+            gradient_norm: last.and_then(|r| r.gradient),
+            gradient_ratio: last
+                .and_then(|r| Some(r.gradient? / r.gradient_bound * self.simulation.scene().solver.tol)),
+            inverted: last.map(|r| r.inverted),
+            primal_residual: last.and_then(|r| r.forward),
+            accepted: records.iter().map(|r| r.iterations - r.rejected).sum(),
+            rejected: records.iter().map(|r| r.rejected).sum(),
+            warnings: warnings.to_vec(),
+            repaired: repaired.to_vec(),
+            seconds: Seconds { read: 0.0, setup: self.setup, solve, write: self.written },
+            peak_bytes: peak_bytes(),
+            factor_bytes: Some(self.simulation.factor_bytes()),
+            threads: self.simulation.threads(),
+            ..Report::default()
+        }
+    }
+}

@@ -1,0 +1,81 @@
+use super::*;
+use std::sync::Arc;
+
+/// Points of the space around the origin, some of them on axes and planes.
+fn samples() -> impl Iterator<Item = V3> {
+    let steps = [-2.3, -1.1, -0.6, -0.2, 0.0, 0.31, 0.7, 1.4, 2.9];
+    steps.into_iter().flat_map(move |x| steps.into_iter().flat_map(move |y| steps.into_iter().map(move |z| [x, y, z])))
+}
+
+/// Slow twin: whether a point is inside, by definition.
+type Inside = fn(V3) -> bool;
+
+fn solids() -> Vec<(Arc<dyn Solid>, Inside)> {
+    vec![
+        (Arc::new(Ground { normal: [0.0, 1.0, 0.0] }), |x| x[1] < 0.0),
+        (Arc::new(Sphere { radius: 0.9 }), |x| norm(x) < 0.9),
+        (Arc::new(Brick { half: [0.8, 1.2, 0.4] }), |x| x[0].abs() < 0.8 && x[1].abs() < 1.2 && x[2].abs() < 0.4),
+        (Arc::new(Capsule { half: [1.0, 0.0, 0.0], radius: 0.5 }), |x| {
+            norm([x[0] - x[0].clamp(-1.0, 1.0), x[1], x[2]]) < 0.5
+        }),
+        (Arc::new(Cylinder { axis: [0.0, 0.0, 1.0], radius: 0.75, half: 1.0 }), |x| {
+            x[0].hypot(x[1]) < 0.75 && x[2].abs() < 1.0
+        }),
+        (Arc::new(Cylinder { axis: [0.0, 0.0, 1.0], radius: 0.75, half: f64::INFINITY }), |x| x[0].hypot(x[1]) < 0.75),
+        (Arc::new(Pit { normal: [0.0, 1.0, 0.0], radius: 1.25 }), |x| x[1] < 0.0 && norm(x) > 1.25),
+    ]
+}
+
+#[test]
+fn signs_distances_and_normals_fit_each_other() {
+    for (solid, inside) in solids() {
+        for x in samples() {
+            let near = solid.nearest(x);
+            let gap = norm(add(x, -1.0, near.point));
+            assert!((gap - near.distance.abs()).abs() < 1e-12, "{solid:?} {x:?} {near:?}");
+            assert!((norm(near.normal) - 1.0).abs() < 1e-12, "{solid:?} {x:?} {near:?}");
+            let back = add(near.point, near.distance, near.normal);
+            assert!(norm(add(back, -1.0, x)) < 1e-12, "{solid:?} {x:?} {near:?}: x = point + distance normal");
+            if gap > 1e-12 {
+                assert_eq!(near.distance < 0.0, inside(x), "{solid:?} {x:?} {near:?}");
+            }
+            // The point is on the surface: a little out of it is outside, a little into it inside.
+            let (out, within) = (add(near.point, 1e-7, near.normal), add(near.point, -1e-7, near.normal));
+            assert!(!inside(out) && inside(within), "{solid:?} {x:?} {near:?}");
+        }
+    }
+}
+
+#[test]
+fn nothing_of_the_surface_is_nearer() {
+    // Slow twin: the sign of `inside` changes nowhere in a ball of the distance around x.
+    for (solid, inside) in solids() {
+        for x in samples() {
+            let near = solid.nearest(x);
+            let side = inside(x);
+            for direction in samples().filter(|d| norm(*d) > 0.0) {
+                let y = add(x, 0.999 * near.distance.abs() / norm(direction), direction);
+                assert!(near.distance.abs() < 1e-9 || inside(y) == side, "{solid:?} {x:?} {y:?} {near:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn solids_are_where_they_are_placed() {
+    let (sin, cos) = 0.7f64.sin_cos();
+    let placement =
+        Placement { rotation: [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], shift: [3.0, -1.0, 2.0] };
+    let solid = Arc::new(Brick { half: [0.5, 1.0, 2.0] });
+    let placed = Placed { solid: solid.clone(), placement };
+    for x in samples() {
+        let (own, world) = (solid.nearest(x), placed.nearest(placement.apply(x)));
+        assert!((own.distance - world.distance).abs() < 1e-13);
+        assert!(norm(add(placement.apply(own.point), -1.0, world.point)) < 1e-12);
+        assert!(norm(add(placement.undo(placement.apply(x)), -1.0, x)) < 1e-14);
+    }
+    let far = Placed { solid: Arc::new(Sphere { radius: 1.0 }), placement: Placement::at([50.0, 0.0, 0.0]) };
+    let both = [placed, far];
+    assert!(deepest(&both, [50.2, 0.0, 0.0]).is_some_and(|n| n.distance < -0.7));
+    assert!(deepest(&[], [0.0; 3]).is_none());
+}

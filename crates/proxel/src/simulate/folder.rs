@@ -1,0 +1,335 @@
+//! The folder of a simulation: frames as they come, so that a crash loses at most the one under way.
+//!
+//! ```text
+//! scene.toml      settings completed          frames.csv    a row a frame
+//! report.json     the report so far           frames.pvd    for ParaView, with BODY_0000.vtu, ..
+//! state.bin       what the next frame begins with; written last
+//! ```
+
+use super::{Frame, FrameRecord, Scene, SceneFile, SimulateError, State};
+use crate::preview::{Image, animate_pngs};
+use crate::report::Report;
+use proxel_mesh::topology::surface;
+use proxel_mesh::{Fields, MOST_GLTF_FRAMES, Mesh, Polygons, atomic_write, read_points, write_mesh, write_series};
+use serde::{Deserialize, Serialize};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Where frames go.
+pub struct Folder {
+    path: PathBuf,
+    scene: Scene,
+    rows: Vec<String>, // of frames.csv
+    records: Vec<FrameRecord>,
+}
+
+/// report.json: a report, and what is known of the frames.
+#[derive(Serialize, Deserialize)]
+struct WholeReport {
+    #[serde(flatten)]
+    report: Report,
+    /// Frames whose kinetic, elastic and potential energy together is above that of the frame before, where nothing drives
+    /// the scene.
+    energy_growth: Vec<usize>,
+    /// |sum m v - its value at the start| over the largest momentum so far, where nothing acts from outside, gravity
+    /// included.
+    momentum_drift: Option<f64>,
+    /// |sum m x cross v - its value at the start| over the largest angular momentum so far, likewise.
+    angular_momentum_drift: Option<f64>,
+    frames: Vec<FrameRecord>,
+}
+
+/// Whether some scenes' momenta can be followed by hand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Ledger {
+    /// Nothing but gravity acts from outside.
+    pub free: bool,
+    /// Energy comes from outside.
+    pub driven: bool,
+}
+
+/// A growth of the energy by less than this part of its largest so far is rounding and the tolerance of steps.
+const GROWTH: f64 = 1e-9;
+
+impl Folder {
+    /// Makes the folder, or takes one that is there, and begins anew in it: what an earlier simulation has left goes.
+    ///
+    /// # Errors
+    /// A folder that cannot be made or written to.
+    pub fn create(path: &Path, file: &SceneFile) -> Result<Self, SimulateError> {
+        let mut folder = Folder::at(path, file)?;
+        let io = |e: std::io::Error, what: &Path| {
+            SimulateError::new(format!("{}: {e}; name another folder", what.display()))
+        };
+        std::fs::create_dir_all(path).map_err(|e| io(e, path))?;
+        // The state first: without it nothing goes on from what is half removed.
+        for name in ["state.bin", "frames.csv", "frames.pvd", "report.json", "scene.glb", "preview.png"] {
+            let old = path.join(name);
+            if old.is_file() {
+                std::fs::remove_file(&old).map_err(|e| io(e, &old))?;
+            }
+        }
+        for old in folder.old_frames() {
+            std::fs::remove_file(&old).map_err(|e| io(e, &old))?;
+        }
+        for (wanted, name) in folder.folders() {
+            if wanted {
+                std::fs::create_dir_all(path.join(name)).map_err(|e| io(e, &path.join(name)))?;
+            }
+        }
+        let text = file.completed()?;
+        atomic_write(&path.join("scene.toml"), |w| w.write_all(text.as_bytes()))?;
+        folder.rows.clear();
+        Ok(folder)
+    }
+
+    /// Goes on in a folder; the state after its last complete frame.
+    ///
+    /// # Errors
+    /// No simulation there, one of another scene, or one that broke off before frame 0 was written.
+    pub fn reopen(path: &Path, file: &SceneFile) -> Result<(Self, State), SimulateError> {
+        let mut folder = Folder::at(path, file)?;
+        let bad = |what: String| SimulateError::new(format!("{}: {what}", path.display()));
+        let read = |name: &str| std::fs::read(path.join(name)).ok();
+        let old = read("scene.toml")
+            .and_then(|bytes| String::from_utf8(bytes).ok())
+            .ok_or_else(|| bad("there is no simulation to go on with; leave --resume out".into()))?;
+        let new = file.completed()?;
+        if let Some(line) = first_difference(&old, &new) {
+            return Err(bad(format!(
+                "the simulation there is of another scene: scene.toml differs in line {line}; leave --resume out, or name \
+                 another folder"
+            )));
+        }
+        let state = read("state.bin")
+            .and_then(|bytes| State::from_bytes(&bytes))
+            .ok_or_else(|| bad("no frame there is complete; leave --resume out".into()))?;
+        let lines = read("frames.csv").and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default();
+        folder.rows = lines.lines().skip(1).take(state.frame() + 1).map(str::to_owned).collect();
+        let report = read("report.json").and_then(|bytes| serde_json::from_slice::<WholeReport>(&bytes).ok());
+        folder.records = report.map(|r| r.frames).unwrap_or_default();
+        folder.records.retain(|r| r.frame <= state.frame());
+        if folder.rows.len() != state.frame() + 1 || folder.records.len() != folder.rows.len() {
+            return Err(bad("frames.csv or report.json has lost frames; leave --resume out".into()));
+        }
+        Ok((folder, state))
+    }
+
+    fn at(path: &Path, file: &SceneFile) -> Result<Self, SimulateError> {
+        let scene = file.scene().clone();
+        if scene.output.glb && scene.time.frames + 1 > MOST_GLTF_FRAMES {
+            let what = format!(
+                "{} frames and the start are more than the {MOST_GLTF_FRAMES} of a glTF file",
+                scene.time.frames
+            );
+            return Err(file.refuse("output.glb", &what, "leave it out, or simulate fewer frames").into());
+        }
+        if path.exists() && !path.is_dir() {
+            return Err(SimulateError::new(format!("{}: it is a file; name a folder (--out)", path.display())));
+        }
+        Ok(Folder { path: path.to_owned(), scene, rows: Vec::new(), records: Vec::new() })
+    }
+
+    fn folders(&self) -> [(bool, &'static str); 3] {
+        let output = &self.scene.output;
+        [(output.obj, "obj"), (output.ply, "ply"), (output.preview, "preview")]
+    }
+
+    /// Numbered files that a simulation of these bodies has left.
+    fn old_frames(&self) -> Vec<PathBuf> {
+        let mut out = Vec::new();
+        for (folder, extension) in [("", "vtu"), ("obj", "obj"), ("ply", "ply"), ("preview", "png")] {
+            let Ok(entries) = std::fs::read_dir(self.path.join(folder)) else { continue };
+            for entry in entries.flatten() {
+                let name = entry.file_name().to_string_lossy().into_owned();
+                let Some(stem) = name.strip_suffix(&format!(".{extension}")) else { continue };
+                let of_body =
+                    |body: &str| stem.strip_prefix(body).and_then(|s| s.strip_prefix('_')).is_some_and(is_number);
+                let ours =
+                    self.scene.bodies.iter().any(|b| of_body(&b.name)) || (folder == "preview" && is_number(stem));
+                if ours {
+                    out.push(entry.path());
+                }
+            }
+        }
+        out.sort();
+        out
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What is known of the frames so far.
+    pub fn records(&self) -> &[FrameRecord] {
+        &self.records
+    }
+
+    /// Writes a frame and then the state after it.
+    ///
+    /// # Errors
+    /// A full disk, a folder that has gone; what was complete before stays so.
+    pub fn write(
+        &mut self,
+        frame: &Frame,
+        preview: Option<&Image>,
+        state: &State,
+        report: &Report,
+        free: bool,
+        driven: bool,
+    ) -> Result<(), SimulateError> {
+        let k = frame.record.frame;
+        for (name, mesh, fields) in &frame.bodies {
+            write_mesh(&self.path.join(format!("{name}_{k:04}.vtu")), mesh, fields)?;
+            if self.scene.output.obj {
+                write_mesh(&self.path.join(format!("obj/{name}_{k:04}.obj")), mesh, &Fields::none())?;
+            }
+            if self.scene.output.ply {
+                let velocity = fields.point.iter().filter(|f| f.name == "velocity").cloned().collect();
+                let fields = Fields { point: velocity, ..Fields::none() };
+                write_mesh(&self.path.join(format!("ply/{name}_{k:04}.ply")), mesh, &fields)?;
+            }
+        }
+        if let Some(image) = preview {
+            image.write_png(&self.path.join(format!("preview/{k:04}.png")))?;
+        }
+        self.rows.push(frame.record.to_csv());
+        self.records.push(frame.record.clone());
+        atomic_write(&self.path.join("frames.pvd"), |w| self.write_list(w))?;
+        atomic_write(&self.path.join("frames.csv"), |w| {
+            writeln!(w, "{}", FrameRecord::HEADER)?;
+            self.rows.iter().try_for_each(|row| writeln!(w, "{row}"))
+        })?;
+        self.write_report(report, free, driven)?;
+        let bytes = state.to_bytes();
+        Ok(atomic_write(&self.path.join("state.bin"), |w| w.write_all(&bytes))?)
+    }
+
+    /// ParaView's list of times.
+    fn write_list(&self, w: &mut dyn Write) -> std::io::Result<()> {
+        writeln!(w, r#"<?xml version="1.0"?>"#)?;
+        writeln!(w, r#"<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">"#)?;
+        writeln!(w, "<Collection>")?;
+        for record in &self.records {
+            for (part, body) in self.scene.bodies.iter().enumerate() {
+                let (time, name, k) = (record.time, &body.name, record.frame);
+                writeln!(w, r#"<DataSet timestep="{time}" part="{part}" name="{name}" file="{name}_{k:04}.vtu"/>"#)?;
+            }
+        }
+        writeln!(w, "</Collection>\n</VTKFile>")
+    }
+
+    /// Writes report.json; returns its text.
+    ///
+    /// # Errors
+    /// A full disk, a folder that has gone.
+    pub fn write_report(&self, report: &Report, free: bool, driven: bool) -> Result<String, SimulateError> {
+        let ledger = Ledger { free, driven };
+        let (momentum_drift, angular_momentum_drift) = self.drifts(ledger);
+        let whole = WholeReport {
+            report: report.clone(),
+            energy_growth: self.growth(ledger),
+            momentum_drift,
+            angular_momentum_drift,
+            frames: self.records.clone(),
+        };
+        let text = serde_json::to_string_pretty(&whole)
+            .map_err(|e| SimulateError::new(format!("the report cannot be written: {e}")))?
+            + "\n";
+        atomic_write(&self.path.join("report.json"), |w| w.write_all(text.as_bytes()))?;
+        Ok(text)
+    }
+
+    fn growth(&self, ledger: Ledger) -> Vec<usize> {
+        if ledger.driven {
+            return Vec::new();
+        }
+        // The zero of potential energy means nothing: changes are measured against the energies that change.
+        let size = |r: &FrameRecord| {
+            let fall = self.records.first().map_or(0.0, |first| (r.potential - first.potential).abs());
+            r.kinetic.abs() + r.elastic.abs() + fall
+        };
+        let largest = self.records.iter().map(size).fold(0.0, f64::max);
+        let pairs = self.records.windows(2);
+        pairs.filter(|w| w[1].energy() - w[0].energy() > GROWTH * largest).map(|w| w[1].frame).collect()
+    }
+
+    /// How far momenta are from those of the start, where nothing changes them.
+    fn drifts(&self, ledger: Ledger) -> (Option<f64>, Option<f64>) {
+        let Some(first) = self.records.first().filter(|_| ledger.free && self.scene.forces.gravity == [0.0; 3]) else {
+            return (None, None);
+        };
+        let norm = |a: [f64; 3]| a.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let minus = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|d| a[d] - b[d]);
+        let over = |of: fn(&FrameRecord) -> [f64; 3]| {
+            let largest = self.records.iter().map(|r| norm(of(r))).fold(0.0, f64::max);
+            let drift = self.records.iter().map(|r| norm(minus(of(r), of(first)))).fold(0.0, f64::max);
+            if largest > 0.0 { drift / largest } else { 0.0 }
+        };
+        (Some(over(|r| r.momentum)), Some(over(|r| r.angular_momentum)))
+    }
+
+    /// What is made of all frames: scene.glb and preview.png, where they are wanted.
+    ///
+    /// # Errors
+    /// Frames that have gone, a full disk.
+    pub fn finish(&self) -> Result<Vec<PathBuf>, SimulateError> {
+        let mut written = Vec::new();
+        if self.scene.output.glb {
+            written.push(self.write_glb()?);
+        }
+        if self.scene.output.preview {
+            let path = self.path.join("preview.png");
+            let frames: Vec<PathBuf> =
+                self.records.iter().map(|r| self.path.join(format!("preview/{:04}.png", r.frame))).collect();
+            animate_pngs(&path, &frames, self.scene.time.dt)?;
+            written.push(path);
+        }
+        Ok(written)
+    }
+
+    fn write_glb(&self) -> Result<PathBuf, SimulateError> {
+        let path = self.path.join("scene.glb");
+        let vtu = |name: &str, k: usize| self.path.join(format!("{name}_{k:04}.vtu"));
+        let mut all = Mesh { name: "scene".into(), ..Mesh::default() };
+        for body in &self.scene.bodies {
+            let mesh = proxel_mesh::read_mesh(&vtu(&body.name, 0))?;
+            let first = all.points.len() as u32;
+            let mut faces = std::mem::take(&mut all.faces);
+            append(&mut faces, &surface(&mesh), first);
+            all.edges.extend(mesh.edges.iter().map(|e| e.map(|v| v + first)));
+            all.faces = faces;
+            all.points.extend(mesh.points);
+        }
+        let frames = self.records.iter().map(|record| {
+            let mut points = Vec::with_capacity(all.points.len());
+            for body in &self.scene.bodies {
+                points.extend(read_points(&vtu(&body.name, record.frame))?);
+            }
+            Ok(proxel_mesh::Frame { time: record.time, points, fields: Fields::none() })
+        });
+        write_series(&path, &all, frames)?;
+        Ok(path)
+    }
+}
+
+fn append(faces: &mut Polygons, more: &Polygons, first: u32) {
+    for polygon in more.iter() {
+        let corners: Vec<u32> = polygon.iter().map(|v| v + first).collect();
+        faces.push(&corners);
+    }
+}
+
+fn is_number(text: &str) -> bool {
+    text.len() >= 4 && text.bytes().all(|b| b.is_ascii_digit())
+}
+
+/// The 1-based number of the first line in which two texts differ.
+fn first_difference(a: &str, b: &str) -> Option<usize> {
+    if a == b {
+        return None;
+    }
+    let same = a.lines().zip(b.lines()).take_while(|(a, b)| a == b).count();
+    Some(same + 1)
+}

@@ -1,0 +1,497 @@
+//! A scene in motion.
+
+use super::contact::Walls;
+use super::engine::{Engine, Solved, Task};
+use super::forces::accelerations;
+use super::record::{Frame, FrameRecord};
+use super::scene::{Integrator, Scene, SceneFile};
+use super::stops::Stops;
+use super::world::World;
+use super::{Hooks, SimulateError, State, picture};
+use crate::deform::pool;
+use crate::preview::Image;
+use crate::settings::DeformSettings;
+use proxel_model::contact::Contacts;
+use proxel_split::{Residuals, Status, VIOLATION};
+use std::time::Instant;
+
+type V3 = [f64; 3];
+
+/// Bodies of a scene on their way, frame by frame.
+///
+/// ```no_run
+/// use proxel::simulate::{Hooks, SceneFile, Simulation};
+/// let mut simulation = Simulation::new(&SceneFile::read("scene.toml".as_ref())?, None)?;
+/// while simulation.frame_count() < simulation.scene().time.frames {
+///     let record = simulation.advance(&mut Hooks::default())?;
+///     println!("{} {}", record.time, record.status);
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Simulation {
+    scene: Scene,
+    world: World,
+    engine: Engine,
+    state: State,
+    pool: rayon::ThreadPool,
+    last: Option<Last>, // what was found at the end of the last step
+}
+
+/// What the end of a step leaves for reports.
+struct Last {
+    contacts: Contacts,
+    reaction: Vec<f64>, // forces of bodies on what holds them, all nodes
+}
+
+/// Halvings of a step that does not converge.
+const HALVINGS: usize = 4;
+
+/// What the steps of a frame have come to.
+#[derive(Default)]
+struct Tally {
+    steps: usize,
+    iterations: usize,
+    rejected: usize,
+    worst: Option<(Status, String)>,
+    residuals: Option<Residuals>,
+    gradient: Option<f64>,
+    off_contact: Option<f64>,
+    bound: f64,
+}
+
+impl Tally {
+    fn note(&mut self, status: Status, reason: &str) {
+        let rank = |s: Status| match s {
+            Status::Converged => 0,
+            Status::Stopped => 1,
+            Status::Cancelled => 2,
+            Status::Failed => 3,
+        };
+        if self.worst.as_ref().is_none_or(|(worst, _)| rank(status) > rank(*worst)) {
+            self.worst = Some((status, reason.to_owned()));
+        }
+    }
+}
+
+impl Simulation {
+    /// Reads and builds everything that the scene names; frame 0 is the start. All processors where `threads` is none; the
+    /// result is the same for any number.
+    ///
+    /// # Errors
+    /// Whatever cannot be simulated, by name.
+    pub fn new(file: &SceneFile, threads: Option<usize>) -> Result<Self, SimulateError> {
+        let scene = file.scene().clone();
+        let pool = pool(&DeformSettings { threads, ..DeformSettings::default() })?;
+        let (world, engine) = pool.install(|| -> Result<_, SimulateError> {
+            let world = World::new(file)?;
+            let settings = world.bodies.first().map(|b| b.settings.clone()).unwrap_or_default();
+            let tau = scene.time.dt / scene.time.substeps as f64;
+            let inertia = stiffness(tau, scene.damping.mass);
+            let engine = Engine::new(&world, settings, scene.damping.stiffness > 0.0, inertia)?;
+            Ok((world, engine))
+        })?;
+        let state = State { x: world.start.clone(), v: world.velocity.clone(), ..State::default() };
+        Ok(Simulation { scene, world, engine, state, pool, last: None })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Frames done, the start aside.
+    pub fn frame_count(&self) -> usize {
+        self.state.frame
+    }
+
+    /// What the next frame begins with.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Goes on from a state of the same scene, as if there had been no break: to the bit.
+    ///
+    /// # Errors
+    /// A state of another scene.
+    pub fn resume(&mut self, state: State) -> Result<(), SimulateError> {
+        let n = 3 * self.world.n();
+        let fits = state.x.len() == n && state.v.len() == n;
+        let points = self.world.touching.who.len();
+        let walls = self.world.obstacles.len();
+        let known = state.known.keys().all(|(p, w)| (*p as usize) < points && (*w as usize) < walls);
+        if !fits || !known || state.frame > self.scene.time.frames {
+            return Err(SimulateError::new("the state is that of another scene; start anew without --resume".into()));
+        }
+        self.state = state;
+        self.last = None;
+        Ok(())
+    }
+
+    /// What the user should know, and what was repaired.
+    pub fn notes(&self) -> (&[String], &[String]) {
+        (&self.world.warnings, &self.world.repaired)
+    }
+
+    /// Threads that it uses.
+    pub fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
+
+    /// Bytes of factors.
+    pub fn factor_bytes(&self) -> u64 {
+        self.engine.factor_bytes()
+    }
+
+    /// Whether energy can come from outside: from wind, from pins and obstacles that move.
+    pub fn is_driven(&self) -> bool {
+        let moves = |b: &super::BodySpec| b.pins.iter().any(|p| p.velocity.is_some() || !p.keyframes.is_empty());
+        self.scene.forces.wind.is_some()
+            || self.scene.bodies.iter().any(moves)
+            || self.world.obstacles.iter().any(|o| !o.is_still())
+    }
+
+    /// Whether nothing but gravity acts from outside: no wind, no damping, no pins, no obstacles.
+    pub fn is_free(&self) -> bool {
+        let Scene { forces, damping, obstacles, .. } = &self.scene;
+        let undamped = damping.mass == 0.0 && damping.stiffness == 0.0;
+        forces.wind.is_none() && undamped && obstacles.is_empty() && self.world.n_free == self.world.n()
+    }
+
+    /// The next frame. One that is cancelled, or that the time limit cuts short, changes nothing: its record says so, and
+    /// the simulation can go on from where it was.
+    ///
+    /// # Errors
+    /// A system that cannot be factored, pins that cannot be followed; the state is as before.
+    pub fn advance(&mut self, hooks: &mut Hooks<'_>) -> Result<FrameRecord, SimulateError> {
+        let Simulation { scene, world, engine, state, pool, last } = self;
+        pool.install(|| {
+            let began = Instant::now();
+            let mut stops = Stops::new(hooks, state.frame + 1);
+            engine.renew(world)?;
+            let mut stepper = Stepper { scene, world, engine, state: state.clone(), last: None };
+            let mut tally = Tally::default();
+            let (n, from) = (scene.time.substeps, state.frame as f64 * scene.time.dt);
+            let h = scene.time.dt / n as f64;
+            for i in 0..n {
+                stops.step = i;
+                let end = if i + 1 == n { (state.frame + 1) as f64 * scene.time.dt } else { from + (i + 1) as f64 * h };
+                let start = if i == 0 { from } else { from + i as f64 * h };
+                stepper.step((start, end, h), 0, &mut stops, &mut tally)?;
+                if stops.is_over() || matches!(tally.worst, Some((Status::Failed, _))) {
+                    break;
+                }
+            }
+            if stops.is_cancelled() {
+                tally.worst =
+                    Some((Status::Cancelled, "cancelled by the user; the frame under way was dropped".into()));
+            } else if stops.is_over() {
+                let reason = "the time is over (--time-limit); the frame under way was dropped";
+                tally.worst = Some((Status::Stopped, reason.into()));
+            }
+            let is_whole = !stops.is_over();
+            let Stepper { state: mut after, last: left, .. } = stepper;
+            after.frame += 1;
+            let mut record = measure(scene, world, engine, &after);
+            let (status, reason) = tally.worst.unwrap_or((Status::Converged, String::new()));
+            record.steps = tally.steps;
+            record.iterations = tally.iterations;
+            record.rejected = tally.rejected;
+            let finite = |v: f64| v.is_finite().then_some(v);
+            record.forward = tally.residuals.and_then(|r| finite(r.primal));
+            record.combined = tally.residuals.and_then(|r| finite(r.primal.hypot(r.dual)));
+            record.gradient = tally.gradient.and_then(finite);
+            record.gradient_off_contact = tally.off_contact.and_then(finite);
+            record.gradient_bound = tally.bound;
+            record.contacts = left.as_ref().map_or(0, |left| pressing(&left.contacts, &after.x));
+            record.status = status.as_str().to_string();
+            record.reason = reason;
+            record.seconds = began.elapsed().as_secs_f64();
+            if is_whole && status != Status::Failed {
+                *state = after;
+                *last = left;
+            }
+            Ok(record)
+        })
+    }
+
+    /// The frame as it stands: frame 0 before the first [`Self::advance`].
+    pub fn start_record(&mut self) -> FrameRecord {
+        let Simulation { scene, world, engine, state, pool, .. } = self;
+        let mut record = pool.install(|| measure(scene, world, engine, state));
+        record.status = "start".to_string();
+        record
+    }
+
+    /// Each body as it stands, with displacement, velocity, stress, contact and reaction forces.
+    ///
+    /// # Errors
+    /// Energies that cannot be evaluated.
+    pub fn frame(&self, record: FrameRecord) -> Result<Frame, SimulateError> {
+        let time = self.time();
+        let (contact, reaction) = match &self.last {
+            Some(last) => (contact_forces(&self.world, &last.contacts, &self.state.x), &last.reaction[..]),
+            None => (Vec::new(), &[][..]),
+        };
+        let bodies = (0..self.world.bodies.len())
+            .map(|b| {
+                let forces = contact.get(b).map_or(&[][..], |c| &c[..]);
+                picture::body(&self.world, b, &self.state, time, forces, reaction)
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Frame { record, bodies })
+    }
+
+    /// A picture of bodies and of obstacles that have an end.
+    pub fn preview(&self) -> Image {
+        self.pool.install(|| picture::image(&self.world, &self.state.x, self.time()))
+    }
+
+    fn time(&self) -> f64 {
+        self.state.frame as f64 * self.scene.time.dt
+    }
+}
+
+/// The stiffness of inertia over mass: (1 + a t) / t^2.
+fn stiffness(tau: f64, damping: f64) -> f64 {
+    (1.0 + damping * tau) / (tau * tau)
+}
+
+/// Takes steps of a frame.
+struct Stepper<'a> {
+    scene: &'a Scene,
+    world: &'a World,
+    engine: &'a mut Engine,
+    state: State,
+    last: Option<Last>,
+}
+
+impl Stepper<'_> {
+    /// A step from time to time, of length h; in halves where it does not converge and that is wanted.
+    fn step(
+        &mut self,
+        (from, to, h): (f64, f64, f64),
+        depth: usize,
+        stops: &mut Stops<'_>,
+        tally: &mut Tally,
+    ) -> Result<(), SimulateError> {
+        let before = self.state.clone();
+        let solved = self.solve((from, to, h), stops)?;
+        tally.iterations += solved.iterations;
+        tally.rejected += solved.rejected;
+        let again = self.scene.time.adaptive && depth < HALVINGS && solved.status != Status::Converged;
+        if again && !stops.is_over() {
+            self.state = before;
+            let middle = from + h / 2.0;
+            self.step((from, middle, h / 2.0), depth + 1, stops, tally)?;
+            return self.step((middle, to, h / 2.0), depth + 1, stops, tally);
+        }
+        tally.steps += 1;
+        let (mut status, mut reason) = (solved.status, solved.reason);
+        let walls = Walls::new(self.world, from, to);
+        for touching in [&self.world.touching, &self.world.held] {
+            let (depth, k, wall) = walls.deepest(touching, &self.state.x);
+            let Some((b, v)) = touching.who.get(k) else { continue };
+            let body = &self.world.bodies[*b];
+            let outside = depth <= VIOLATION * body.size;
+            if status == Status::Converged && !outside {
+                status = Status::Stopped;
+                let (name, wall) = (&body.mesh.name, &self.world.obstacles[wall].name);
+                reason = format!("vertex {v} (0-based) of `{name}` is {depth:.3e} m inside of obstacle `{wall}`");
+            }
+        }
+        tally.note(status, &reason);
+        tally.residuals = Some(solved.residuals);
+        tally.gradient = solved.gradient;
+        tally.off_contact = solved.gradient.map(|_| self.engine.gradient_off_contact(&self.state.x, &solved.contacts));
+        tally.bound = solved.bound;
+        Ok(())
+    }
+
+    /// Solves one step and moves the state there.
+    fn solve(&mut self, (from, to, h): (f64, f64, f64), stops: &mut Stops<'_>) -> Result<Solved, SimulateError> {
+        let (world, scene) = (self.world, self.scene);
+        let n = 3 * world.n_free;
+        let State { x, v, before, known, .. } = &self.state;
+        // With w the ratio of this step to the last: x' = a x - b x_before + beta h v'; w = 0 is implicit Euler.
+        let two_step = before.as_ref().filter(|_| scene.time.integrator == Integrator::Bdf2);
+        let w = two_step.map_or(0.0, |(_, _, last)| h / last);
+        let (b, beta) = (w * w / (1.0 + 2.0 * w), (1.0 + w) / (1.0 + 2.0 * w));
+        let tau = beta * h;
+        let back = |now: &[f64], before: Option<&Vec<f64>>| -> Vec<f64> {
+            match before {
+                // a x - b x_before with a = 1 + b.
+                Some(before) => now.iter().zip(before).map(|(x, y)| x + b * (x - y)).collect(),
+                None => now.to_vec(),
+            }
+        };
+        let anchor = back(&x[..n], two_step.map(|t| &t.0));
+        let drift = back(&v[..n], two_step.map(|t| &t.1));
+        let push = accelerations(world, &scene.forces, x, v, tau);
+        let damping = scene.damping.mass;
+        let target: Vec<f64> = (0..n)
+            .map(|i| anchor[i] + (tau * drift[i] + tau * tau * push[i / 3][i % 3]) / (1.0 + damping * tau))
+            .collect();
+        let mut start = x.clone();
+        world.move_held(to, &mut start).map_err(SimulateError::new)?;
+        let walls = Walls::new(world, from, to);
+        let stiff = match scene.damping.stiffness > 0.0 {
+            true => Some(stiffness_damping(world, self.engine, scene.damping.stiffness, (x, &start), &anchor, tau)),
+            false => None,
+        };
+        let task =
+            Task { x: &start, target: &target, inertia: stiffness(tau, damping), damping: stiff, walls: &walls, known };
+        let mut solved = self.engine.solve(world, &task, stops)?;
+        self.center(&mut solved, &target);
+        // Held nodes are where they are, free ones have the velocity of the integrator.
+        let mut velocity: Vec<f64> = (0..x.len()).map(|i| (solved.x[i] - x[i]) / h).collect();
+        (0..n).for_each(|i| velocity[i] = (solved.x[i] - anchor[i]) / tau);
+        let reaction = self.reaction(&solved.x);
+        let State { x, v, before, known, .. } = &mut self.state;
+        if scene.time.integrator == Integrator::Bdf2 {
+            *before = Some((std::mem::take(x), std::mem::take(v), h));
+        }
+        *x = std::mem::take(&mut solved.x);
+        *v = velocity;
+        *known = std::mem::take(&mut solved.known);
+        self.last = Some(Last { contacts: solved.contacts.clone(), reaction });
+        Ok(solved)
+    }
+
+    /// Moves each part that nothing holds or touches to where the objective is least along translations: that of its centre
+    /// of mass, since elastic forces add up to zero. What a minimiser leaves undone, or rounding, then changes no momentum.
+    fn center(&self, solved: &mut Solved, target: &[f64]) {
+        let world = self.world;
+        if self.engine.has_wall_term(world) {
+            return;
+        }
+        let mut touched = vec![false; world.n()];
+        for touch in solved.contacts.touches() {
+            let nodes = solved.contacts.points().parts(touch.point as usize).0;
+            // Friction binds too.
+            let bears = touch.grip > 0.0 || solved.contacts.pressure(touch, &solved.x) > 0.0;
+            nodes.iter().for_each(|n| touched[*n as usize] |= bears);
+        }
+        for part in world.floating.iter().filter(|part| part.iter().all(|n| !touched[*n as usize])) {
+            let mass: f64 = part.iter().map(|n| world.mass[*n as usize]).sum();
+            let gap = |d: usize| {
+                let moment = part.iter().map(|n| {
+                    let i = 3 * *n as usize + d;
+                    world.mass[*n as usize] * (target[i] - solved.x[i])
+                });
+                moment.sum::<f64>() / mass
+            };
+            let shift: V3 = [gap(0), gap(1), gap(2)];
+            for n in part {
+                (0..3).for_each(|d| solved.x[3 * *n as usize + d] += shift[d]);
+            }
+        }
+    }
+
+    /// What bodies exert on what holds them: elastic forces and their weight.
+    fn reaction(&mut self, x: &[f64]) -> Vec<f64> {
+        let world = self.world;
+        let mut grad = elastic(world, self.engine, x).1;
+        grad[..3 * world.n_free].fill(0.0);
+        for i in world.n_free..world.n() {
+            for d in 0..3 {
+                let weight = world.mass[i] * self.scene.forces.gravity[d];
+                grad[3 * i + d] = weight - grad[3 * i + d];
+            }
+        }
+        grad
+    }
+}
+
+/// beta / tau, what velocities are measured from, and -beta K v of held nodes alone, on free ones: the elastic force
+/// differentiated along their motion, from x to where they are at the end of the step.
+fn stiffness_damping(
+    world: &World,
+    engine: &mut Engine,
+    beta: f64,
+    (x, end): (&[f64], &[f64]),
+    anchor: &[f64],
+    tau: f64,
+) -> (f64, Vec<f64>, Vec<f64>) {
+    /// Part of the size of the bodies that positions are moved by to differentiate.
+    const NEARBY: f64 = 1e-7;
+    let n = 3 * world.n_free;
+    let mut loads = vec![0.0; x.len()];
+    let moved: Vec<f64> = (n..x.len()).map(|i| end[i] - x[i]).collect();
+    let farthest = moved.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
+    if farthest > 0.0 {
+        let t = NEARBY * proxel_split::vector::extent(x, 3) / farthest;
+        let mut near = x.to_vec();
+        near[n..].iter_mut().zip(&moved).for_each(|(x, d)| *x += t * d);
+        let (there, here) = (elastic(world, engine, &near).1, elastic(world, engine, x).1);
+        (0..n).for_each(|i| loads[i] = -beta / tau * (there[i] - here[i]) / t);
+    }
+    (beta / tau, anchor.to_vec(), loads)
+}
+
+/// The energy of elements and of bending, and its gradient over all nodes.
+fn elastic(world: &World, engine: &mut Engine, x: &[f64]) -> (f64, Vec<f64>) {
+    let mut grad = vec![0.0; x.len()];
+    let elements = engine.problem().terms.len() - usize::from(engine.has_wall_term(world));
+    let problem = engine.problem();
+    let mut value: f64 = problem.terms[..elements].iter_mut().map(|t| t.energy(x, Some(&mut grad)).value).sum();
+    value += world.form.value_and_gradient(x, 3, Some(&mut grad));
+    (value, grad)
+}
+
+/// Energies and momenta of a state, and how well limits and obstacles hold.
+fn measure(scene: &Scene, world: &World, engine: &mut Engine, state: &State) -> FrameRecord {
+    let State { x, v, frame, .. } = state;
+    let time = *frame as f64 * scene.time.dt;
+    let (mut kinetic, mut potential, mut p, mut l) = (0.0, 0.0, [0.0; 3], [0.0; 3]);
+    for (i, m) in world.mass.iter().enumerate() {
+        let r: V3 = [0, 1, 2].map(|d| x[3 * i + d] + world.center[d]);
+        let u: V3 = [0, 1, 2].map(|d| v[3 * i + d]);
+        let spin = [r[1] * u[2] - r[2] * u[1], r[2] * u[0] - r[0] * u[2], r[0] * u[1] - r[1] * u[0]];
+        for d in 0..3 {
+            kinetic += 0.5 * m * u[d] * u[d];
+            potential -= m * scene.forces.gravity[d] * r[d];
+            p[d] += m * u[d];
+            l[d] += m * spin[d];
+        }
+    }
+    let walls = Walls::new(world, time, time);
+    let depth = walls.deepest(&world.touching, x).0.max(walls.deepest(&world.held, x).0);
+    FrameRecord {
+        frame: *frame,
+        time,
+        kinetic,
+        elastic: elastic(world, engine, x).0,
+        potential,
+        momentum: p,
+        angular_momentum: l,
+        max_strain_violation: engine.strain_violation(world, x),
+        max_penetration: depth,
+        inverted: inverted(world, engine, x),
+        ..FrameRecord::default()
+    }
+}
+
+fn inverted(world: &World, engine: &mut Engine, x: &[f64]) -> u64 {
+    let elements = engine.problem().terms.len() - usize::from(engine.has_wall_term(world));
+    engine.problem().terms[..elements].iter_mut().map(|term| term.energy(x, None).inverted).sum()
+}
+
+/// Points that press on something.
+fn pressing(contacts: &Contacts, x: &[f64]) -> usize {
+    let mut points: Vec<u32> =
+        contacts.touches().iter().filter(|t| contacts.pressure(t, x) > 0.0).map(|t| t.point).collect();
+    points.dedup();
+    points.len()
+}
+
+/// Forces of obstacles on the vertices of each body.
+fn contact_forces(world: &World, contacts: &Contacts, x: &[f64]) -> Vec<Vec<V3>> {
+    let mut out: Vec<Vec<V3>> = world.bodies.iter().map(|b| vec![[0.0; 3]; b.mesh.n_verts()]).collect();
+    for touch in contacts.touches() {
+        let force = contacts.force(touch, x);
+        if let Some((b, v)) = world.touching.who.get(touch.point as usize) {
+            (0..3).for_each(|d| out[*b][*v as usize][d] += force[d]);
+        }
+    }
+    out
+}
