@@ -1,20 +1,23 @@
 //! The problem of a step and what solves it: the parts that steps have in common are kept.
 
-use super::contact::{Known, Walls, learn};
+mod newton;
+mod running;
+
+use super::contact::{Known, Walls};
 use super::damping::StiffnessDamping;
 use super::stops::{Bound, Stops};
 use super::world::{Terms, World};
 use super::{SimulateError, has_finish};
 use crate::deform::constraints::{OBSTACLE_WEIGHT, shared};
-use crate::deform::{REFUSALS, admm_settings, method};
+use crate::deform::{admm_settings, method};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_model::contact::Contacts;
 use proxel_model::obstacle::{Obstacle, Solids};
 use proxel_split::{
-    Admm, Auto, Hessian, Inertia, LinearSolver, Method, Newton, NewtonSettings, NoProgress, NormalMatrix, Outcome,
-    Parts, Precision, Price, Problem, Quadratic, ResidualTolerance, Residuals, Status, Stop, SystemError, solver_for,
-    vector,
+    Admm, Auto, Hessian, Inertia, NormalMatrix, Precision, Problem, Quadratic, ResidualTolerance, Residuals, Status,
+    Stop, SystemError, vector,
 };
+use running::Running;
 use std::sync::Arc;
 
 /// What a step minimises, inertia aside.
@@ -76,12 +79,6 @@ const STICKING: f64 = 1e-5;
 /// changes below 1e-12 of an objective for rounding: this part of that sum is added to it, which is less by far where
 /// steps are short.
 const NOISE: f64 = 1e-4;
-/// Renewals of planes and forces in a step.
-const RENEWALS: usize = 60;
-/// Rounds that Newton may leave without progress while planes and forces still change.
-const PATIENCE: usize = 4;
-/// Part of the gradient that is left when planes and forces are renewed.
-const INNER: f64 = 0.05;
 /// Of the tolerance, for the rounding of what is evaluated again.
 const MARGIN: f64 = 0.99;
 /// The gradient below this part of the characteristic one is rounding, for positions of the size of the bodies.
@@ -392,89 +389,6 @@ impl Engine {
         vector::norm(&grad)
     }
 
-    /// Newton's method on an augmented Lagrangian of contact, whose planes and forces are renewed between its runs.
-    fn by_newton(
-        &mut self,
-        world: &World,
-        task: &Task<'_>,
-        bound: f64,
-        stops: &mut Stops<'_>,
-    ) -> Result<Solved, SimulateError> {
-        let mut whole = task.x.to_vec();
-        whole[..task.target.len()].copy_from_slice(task.target);
-        let touches = match world.obstacles.is_empty() {
-            true => Vec::new(),
-            false => task.walls.meet(world, task.x, &whole, task.known),
-        };
-        let is_met = !touches.is_empty();
-        self.set_contacts(touches);
-        let mut x = self.begin(task, is_met);
-        let (mut iterations, mut rejected, mut rescued, mut stuck) = (0, 0, false, 0);
-        let (mut status, mut reason) = (Status::Stopped, String::new());
-        for renewal in 0..RENEWALS {
-            let left = self.settings.max_iters.saturating_sub(iterations);
-            let inner = if self.contacts.touches().is_empty() { bound } else { bound.max(INNER * self.gradient(&x)) };
-            let tangled = self.forbidden(&x) > 0;
-            let outcome = match tangled && self.settings.method == MethodName::Auto && !rescued {
-                true => {
-                    rescued = true;
-                    self.run_auto(x, inner, left, stops)?
-                }
-                false => self.run_newton(x, inner, left, stops)?,
-            };
-            iterations += outcome.iterations;
-            rejected += outcome.rejected;
-            x = outcome.x;
-            (status, reason) = (outcome.status, outcome.reason);
-            if matches!(status, Status::Cancelled | Status::Failed) || stops.is_over() {
-                break;
-            }
-            if !world.obstacles.is_empty() {
-                let touches = task.walls.renew(world, &self.contacts, &x, task.x);
-                self.set_contacts(touches);
-            }
-            let gradient = self.gradient(&x);
-            let inverted = self.forbidden(&x) > 0;
-            if gradient <= bound && !inverted {
-                status = Status::Converged;
-                reason = format!("gradient {gradient:e} is at most {bound:e}, forces of contact included");
-                break;
-            }
-            if iterations >= self.settings.max_iters {
-                (status, reason) = (Status::Stopped, format!("{iterations} iterations done (max_iters)"));
-                break;
-            }
-            stuck += usize::from(status == Status::Stopped || inverted);
-            let touching = !self.contacts.touches().is_empty();
-            if stuck > if touching { PATIENCE } else { 0 } {
-                // Newton finds no way on: the splitting may, once, where nothing touches.
-                if rescued || touching || self.settings.method != MethodName::Auto {
-                    status = Status::Stopped;
-                    break;
-                }
-                (rescued, stuck) = (true, 0);
-                let outcome = self.run_auto(x, bound, self.settings.max_iters - iterations, stops)?;
-                iterations += outcome.iterations;
-                rejected += outcome.rejected;
-                x = outcome.x;
-            }
-            (status, reason) = (Status::Stopped, format!("forces of contact did not settle in {} rounds", renewal + 1));
-        }
-        let known = learn(&self.contacts, &x);
-        Ok(Solved {
-            gradient: Some(self.gradient(&x)),
-            x,
-            status,
-            reason,
-            iterations,
-            rejected,
-            residuals: Residuals { primal: f64::INFINITY, dual: f64::INFINITY },
-            bound,
-            contacts: self.contacts.clone(),
-            known,
-        })
-    }
-
     /// Puts touches into the problem.
     fn set_contacts(&mut self, touches: Vec<proxel_model::contact::Touch>) {
         self.contacts = self.contacts.with(touches);
@@ -484,57 +398,6 @@ impl Engine {
             }
             *first = Arc::new(self.contacts.clone());
         }
-    }
-
-    fn newton_settings(&self, normal: &NormalMatrix) -> NewtonSettings {
-        let of = self.settings.newton.of(self.settings.method);
-        if self.settings.method != MethodName::Auto {
-            return of;
-        }
-        let (price, cost) = Price::of(&self.problem, normal);
-        let solver: LinearSolver = solver_for(&price, &cost, of.memory);
-        NewtonSettings { solver, ..of }
-    }
-
-    fn run_newton(
-        &mut self,
-        x: Vec<f64>,
-        bound: f64,
-        limit: usize,
-        stops: &mut Stops<'_>,
-    ) -> Result<Outcome, SimulateError> {
-        let Some(normal) = self.normal.take() else { return Err(SimulateError::new("a step lost its matrix".into())) };
-        let settings = self.newton_settings(&normal);
-        let mut problem = std::mem::replace(&mut self.problem, Problem::empty());
-        let hessian = match self.hessian.take() {
-            Some(hessian) => hessian,
-            None => Hessian::new(&mut problem, &normal)?,
-        };
-        let mut newton = Newton::resume_with(problem, normal, hessian, x, settings, 0);
-        let (mut converged, mut stuck) = (Bound(bound), NoProgress::new(REFUSALS));
-        let outcome = stops.run(&mut newton, &mut [&mut converged, &mut stuck], limit);
-        let (problem, normal, _, hessian) = newton.into_parts_with_hessian();
-        (self.problem, self.normal, self.hessian) = (problem, Some(normal), Some(hessian));
-        Ok(outcome)
-    }
-
-    /// The splitting, then Newton, as they find it: out of inverted elements.
-    fn run_auto(
-        &mut self,
-        x: Vec<f64>,
-        bound: f64,
-        limit: usize,
-        stops: &mut Stops<'_>,
-    ) -> Result<Outcome, SimulateError> {
-        let problem = std::mem::replace(&mut self.problem, Problem::empty());
-        let Some(normal) = self.normal.take() else { return Err(SimulateError::new("a step lost its matrix".into())) };
-        let admm = self.admm(problem, normal, x);
-        let name = self.settings.method.as_str().to_string();
-        let mut auto = Running::Auto(Box::new(Auto::new(name, admm, self.settings.newton.auto())));
-        let (mut converged, mut stuck) = (Bound(bound), NoProgress::new(REFUSALS));
-        let outcome = stops.run(auto.method(), &mut [&mut converged, &mut stuck], limit);
-        self.take_back(auto);
-        Ok(outcome)
     }
 
     /// Norm of the gradient over free nodes that no touch with a force, and no point within the tolerance of a wall, is
@@ -559,45 +422,5 @@ impl Engine {
         let elements = self.problem.terms.len() - usize::from(self.has_wall_term(world));
         let terms = &mut self.problem.terms[..elements];
         terms.iter_mut().map(|term| term.energy(x, None).violation).fold(0.0, |a, b| if b <= a { a } else { b })
-    }
-}
-
-/// A method at work on a step.
-enum Running {
-    Admm(Box<Admm>),
-    Auto(Box<Auto>),
-    /// A method that keeps its matrix to itself: it is factored anew for each step.
-    Other(Box<dyn Method>),
-}
-
-/// What a method gives back.
-struct Back {
-    problem: Problem,
-    normal: Option<NormalMatrix>,
-    hessian: Option<Hessian>,
-}
-
-impl Running {
-    fn method(&mut self) -> &mut dyn Method {
-        match self {
-            Running::Admm(admm) => admm.as_mut(),
-            Running::Auto(auto) => auto.as_mut(),
-            Running::Other(method) => method.as_mut(),
-        }
-    }
-
-    fn give_back(self) -> Back {
-        let nothing = || Back { problem: Problem::empty(), normal: None, hessian: None };
-        match self {
-            Running::Admm(admm) => {
-                let (problem, normal, _, _) = admm.into_parts();
-                Back { problem, normal: Some(normal), hessian: None }
-            }
-            Running::Auto(auto) => auto.into_parts().map_or_else(nothing, |parts| {
-                let Parts { problem, normal, hessian, .. } = parts;
-                Back { problem, normal: Some(normal), hessian }
-            }),
-            Running::Other(method) => Back { problem: method.into_problem(), ..nothing() },
-        }
     }
 }
