@@ -73,13 +73,22 @@ impl InputError {
     }
 }
 
-/// From "unknown field `radios`, expected one of `center`, `radius`": (`radios`, `radius`), if one
-/// of the known is near.
+/// From "unknown field `radios`, expected one of `center`, `radius`", or from "unexpected keys in table: radios, available keys:
+/// center, radius" as the TOML reader has it: (`radios`, `radius`), if one of the known is near.
 fn nearest_key(message: &str) -> Option<(&str, &str)> {
-    let rest = message.strip_prefix("unknown field ")?;
-    let mut quoted = rest.split('`').skip(1).step_by(2);
-    let unknown = quoted.next()?;
-    let (known, distance) = quoted.map(|k| (k, edit_distance(unknown, k))).min_by_key(|&(_, distance)| distance)?;
+    let (unknown, known): (&str, Vec<&str>) = match message.strip_prefix("unknown field ") {
+        Some(rest) => {
+            let mut quoted = rest.split('`').skip(1).step_by(2);
+            (quoted.next()?, quoted.collect())
+        }
+        None => {
+            let rest = message.strip_prefix("unexpected keys in table: ")?;
+            let (unknown, known) = rest.split_once(", available keys: ")?;
+            (unknown.split(", ").next()?, known.split(", ").collect())
+        }
+    };
+    let nearest = known.into_iter().map(|k| (k, edit_distance(unknown, k))).min_by_key(|&(_, distance)| distance);
+    let (known, distance) = nearest?;
     (distance <= 1 + unknown.chars().count() / 4).then_some((unknown, known))
 }
 
@@ -141,6 +150,9 @@ mod tests {
     #[test]
     fn the_nearest_key_is_offered_and_a_far_one_is_not() {
         let m = "unknown field `radios`, expected `center` or `radius`";
+        let e = InputError::from_serde("a.toml", Some(3), m);
+        assert_eq!(e.to_string(), "a.toml: line 3: unknown key `radios`; did you mean `radius`?");
+        let m = "unexpected keys in table: radios, available keys: center, radius";
         let e = InputError::from_serde("a.toml", Some(3), m);
         assert_eq!(e.to_string(), "a.toml: line 3: unknown key `radios`; did you mean `radius`?");
         let m = "unknown field `colour`, expected `center` or `radius`";
