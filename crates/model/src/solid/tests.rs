@@ -41,7 +41,9 @@ fn signs_distances_and_normals_fit_each_other() {
             }
             // The point is on the surface: a little out of it is outside, a little into it inside.
             let (out, within) = (add(near.point, 1e-7, near.normal), add(near.point, -1e-7, near.normal));
-            assert!(!inside(out) && inside(within), "{solid:?} {x:?} {near:?}");
+            // (Into the rim of a pit, seen along its plane, is along the plane.)
+            let is_in = inside(within) || solid.nearest(within).distance.abs() < 1e-15;
+            assert!(!inside(out) && is_in, "{solid:?} {x:?} {near:?}");
         }
     }
 }
@@ -71,7 +73,9 @@ fn solids_are_where_they_are_placed() {
     for x in samples() {
         let (own, world) = (solid.nearest(x), placed.nearest(placement.apply(x)));
         assert!((own.distance - world.distance).abs() < 1e-13);
-        assert!(norm(add(placement.apply(own.point), -1.0, world.point)) < 1e-12);
+        // Of several nearest points rounding picks one.
+        assert!((norm(add(world.point, -1.0, placement.apply(x))) - own.distance.abs()).abs() < 1e-13);
+        assert!(solid.nearest(placement.undo(world.point)).distance.abs() < 1e-13);
         assert!(norm(add(placement.undo(placement.apply(x)), -1.0, x)) < 1e-14);
     }
     let far = Placed { solid: Arc::new(Sphere { radius: 1.0 }), placement: Placement::at([50.0, 0.0, 0.0]) };
