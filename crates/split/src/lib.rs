@@ -49,7 +49,7 @@ pub mod vector;
 
 pub use accelerated::{
     Accelerated, Acceleration, Algorithm, BuildError, Carrier, CombinedResidual, CombinedResidualZxu, DualAlone,
-    Envelope, Extrapolated, Extrapolation, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Merit,
+    Envelope, Extrapolated, Extrapolation, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Merit, Sense,
 };
 pub use accelerator::{Accelerator, Anderson, Iterate, Kind, Momentum, Proposal, Unaccelerated};
 pub use admm::{Admm, AdmmSettings};

@@ -1,7 +1,7 @@
 //! What of an iteration is accelerated.
 
 use super::{BuildError, Merit};
-use crate::{Admm, DualMap, LocalReport, Order, Problem};
+use crate::{Admm, DualMap, LocalReport, Order, Problem, vector};
 use rayon::prelude::*;
 
 /// Numbers handled by one task.
@@ -47,34 +47,99 @@ pub trait Carrier: Send + Sized {
     /// For the terms of a problem under their weights.
     fn new(problem: &Problem) -> Self;
 
-    /// The weights have changed.
-    fn reweighted(&mut self, problem: &Problem);
+    /// What is sensed of its variable.
+    fn sense(&self) -> &Sense;
+
+    /// The same, to be changed.
+    fn sense_mut(&mut self) -> &mut Sense;
 
     /// Takes what it needs of the point before a cycle.
-    fn before(&mut self, problem: &mut Problem, x: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]);
+    fn before(&mut self, _problem: &mut Problem, _x: &[f64], _p: &[Vec<f64>], _u: &[Vec<f64>]) {}
 
     /// After the local step: a merit, if it is known so early.
-    fn after_local(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], local: &LocalReport) -> Option<Merit>;
+    fn after_local(&mut self, _p: &[Vec<f64>], _u: &[Vec<f64>], _local: &LocalReport) -> Option<Merit> {
+        None
+    }
 
     /// After the global step: the merit, if it was not known before.
     fn after_global(
         &mut self,
-        problem: &mut Problem,
-        x: &[f64],
-        p: &[Vec<f64>],
-        u: &[Vec<f64>],
-        local: &LocalReport,
-    ) -> Option<Merit>;
-
-    /// The variable before the cycle, in coordinates whose Euclidean norm is the metric of the splitting.
-    fn sensed(&self) -> &[f64];
-
-    /// The residual G(q) - q of the cycle just done, in the same coordinates.
-    fn residual(&self) -> &[f64];
+        _problem: &mut Problem,
+        _x: &[f64],
+        _p: &[Vec<f64>],
+        _u: &[Vec<f64>],
+        _local: &LocalReport,
+    ) -> Option<Merit> {
+        None
+    }
 }
 
+/// The variable q of a carrier before a cycle and the residual G(q) - q of the cycle, entry by entry times w: coordinates
+/// whose Euclidean norm is the metric of the splitting.
+#[derive(Clone, Debug)]
+pub struct Sense {
+    pub(super) weights: Vec<f64>, // w, an entry for each of z
+    pub(super) before: Vec<f64>,
+    pub(super) residual: Vec<f64>,
+}
+
+impl Sense {
+    /// For the terms of a problem under their weights; q consists of so many vectors of the length of z.
+    pub(super) fn new(problem: &Problem, vectors: usize) -> Self {
+        let weights = packed_weights(problem);
+        let zeros = vec![0.0; vectors * weights.len()];
+        Sense { residual: zeros.clone(), before: zeros, weights }
+    }
+
+    /// The weights have changed.
+    pub(super) fn reweigh(&mut self, problem: &Problem) {
+        self.weights = packed_weights(problem);
+    }
+
+    /// before <- w value(p, u), where q is one vector.
+    pub(super) fn begin(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], value: impl Fn(f64, f64) -> f64 + Sync) {
+        scaled(&mut self.before, &self.weights, p, u, value);
+    }
+
+    /// residual <- w value(p, u) - before, where q is one vector.
+    pub(super) fn end(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], value: impl Fn(f64, f64) -> f64 + Sync) {
+        scaled(&mut self.residual, &self.weights, p, u, value);
+        self.subtract();
+    }
+
+    /// residual <- residual - before
+    pub(super) fn subtract(&mut self) {
+        let numbers = self.residual.par_iter_mut().zip(&self.before);
+        numbers.with_min_len(CHUNK).for_each(|(to, from)| *to -= from);
+    }
+
+    /// |residual|^2 as a merit.
+    pub(super) fn merit(&self) -> Merit {
+        Merit::of_square(vector::dot(&self.residual, &self.residual))
+    }
+}
+
+/// Room for c(Dx) of each term.
+pub(super) fn coupled(problem: &Problem) -> Vec<Vec<f64>> {
+    problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect()
+}
+
+/// Where a carrier has its [`Sense`].
+macro_rules! of_sense {
+    ($field:tt) => {
+        fn sense(&self) -> &Sense {
+            &self.$field
+        }
+
+        fn sense_mut(&mut self) -> &mut Sense {
+            &mut self.$field
+        }
+    };
+}
+pub(super) use of_sense;
+
 /// w for every entry of the local vectors of all terms, one after another.
-pub(super) fn packed_weights(problem: &Problem) -> Vec<f64> {
+fn packed_weights(problem: &Problem) -> Vec<f64> {
     let mut weights = vec![0.0; problem.terms.iter().map(|term| term.local_len()).sum()];
     let mut rest = weights.as_mut_slice();
     for term in &problem.terms {
@@ -102,11 +167,6 @@ pub(super) fn scaled(
         numbers.with_min_len(CHUNK).for_each(|((out, w), (p, u))| *out = w * value(*p, *u));
         (out, weights) = (tail, w_tail);
     }
-}
-
-/// to <- to - from
-pub(super) fn subtract(to: &mut [f64], from: &[f64]) {
-    to.par_iter_mut().zip(from).with_min_len(CHUNK).for_each(|(to, from)| *to -= from);
 }
 
 /// That the iteration has this order.

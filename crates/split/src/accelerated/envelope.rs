@@ -1,6 +1,6 @@
 //! The Douglas-Rachford envelope.
 
-use super::carrier::{CHUNK, Carrier, Extrapolated, check_order, packed_weights, scaled};
+use super::carrier::{CHUNK, Carrier, Extrapolated, Sense, check_order, coupled, of_sense};
 use super::{BuildError, Merit};
 use crate::{Admm, LocalReport, Order, Problem, vector};
 use rayon::prelude::*;
@@ -16,9 +16,7 @@ use rayon::prelude::*;
 /// s is c(Dx) + u of ADMM as it goes into the local step, so that (x, u) carries it and s - z is the new u. With fixed nodes
 /// eliminated f is the quadratic of the problem, or 0.
 pub struct Envelope {
-    weights: Vec<f64>,  // w, an entry for each of z
-    sensed: Vec<f64>,   // W s
-    residual: Vec<f64>, // W (Dx - z)
+    sense: Sense,       // of s, by Dx - z
     scaled_u: Vec<f64>, // W u
     coupled: Vec<Vec<f64>>,
 }
@@ -36,21 +34,11 @@ impl Carrier for Envelope {
     }
 
     fn new(problem: &Problem) -> Self {
-        let weights = packed_weights(problem);
-        let zeros = vec![0.0; weights.len()];
-        let coupled = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
-        Envelope { sensed: zeros.clone(), residual: zeros.clone(), scaled_u: zeros, weights, coupled }
+        let sense = Sense::new(problem, 1);
+        Envelope { scaled_u: sense.before.clone(), sense, coupled: coupled(problem) }
     }
 
-    fn reweighted(&mut self, problem: &Problem) {
-        self.weights = packed_weights(problem);
-    }
-
-    fn before(&mut self, _: &mut Problem, _: &[f64], _: &[Vec<f64>], _: &[Vec<f64>]) {}
-
-    fn after_local(&mut self, _: &[Vec<f64>], _: &[Vec<f64>], _: &LocalReport) -> Option<Merit> {
-        None
-    }
+    of_sense!(sense);
 
     fn after_global(
         &mut self,
@@ -60,8 +48,8 @@ impl Carrier for Envelope {
         u: &[Vec<f64>],
         local: &LocalReport,
     ) -> Option<Merit> {
-        let (mut residual, mut duals) = (self.residual.as_mut_slice(), self.scaled_u.as_mut_slice());
-        let mut weights = self.weights.as_slice();
+        let (mut residual, mut duals) = (self.sense.residual.as_mut_slice(), self.scaled_u.as_mut_slice());
+        let mut weights = self.sense.weights.as_slice();
         for (((term, coupled), p), u) in problem.terms.iter_mut().zip(&mut self.coupled).zip(p).zip(u) {
             term.couple(x, coupled);
             let (r_head, r_tail) = residual.split_at_mut(p.len());
@@ -75,17 +63,9 @@ impl Carrier for Envelope {
             (residual, duals, weights) = (r_tail, s_tail, w_tail);
         }
         let f = problem.quadratic.value_and_gradient(x, problem.dim, None);
-        let (square, product) = vector::two_dots(&self.residual, &self.residual, &self.scaled_u);
+        let (square, product) = vector::two_dots(&self.sense.residual, &self.sense.residual, &self.scaled_u);
         // s = z + u: z is its prox, u what is left.
-        scaled(&mut self.sensed, &self.weights, p, u, |p, u| p + 2.0 * u);
+        self.sense.begin(p, u, |p, u| p + 2.0 * u);
         Some(Merit { value: f + local.value_after + product + 0.5 * square, residual: square.sqrt() })
-    }
-
-    fn sensed(&self) -> &[f64] {
-        &self.sensed
-    }
-
-    fn residual(&self) -> &[f64] {
-        &self.residual
     }
 }

@@ -24,7 +24,7 @@ mod pair;
 mod settings;
 mod single;
 
-pub use carrier::{Carrier, Extrapolated};
+pub use carrier::{Carrier, Extrapolated, Sense};
 pub use envelope::Envelope;
 pub use error::BuildError;
 pub use pair::{CombinedResidual, CombinedResidualZxu};
@@ -140,8 +140,8 @@ impl<C: Carrier> Accelerated<C> {
             let at = Iterate {
                 q: &self.point,
                 g: &self.default.values,
-                sensed: self.carrier.sensed(),
-                f: self.carrier.residual(),
+                sensed: &self.carrier.sense().before,
+                f: &self.carrier.sense().residual,
             };
             let Proposal { columns, rank } = self.accelerator.next(&at, &mut self.proposal);
             (trial.columns, trial.rank) = (columns, rank);
@@ -239,7 +239,7 @@ impl<C: Carrier> Method for Accelerated<C> {
         trial.accelerated = self.extrapolated;
         if report.refactorised {
             // Under other weights u is another variable, and merits measure something else.
-            self.carrier.reweighted(self.admm.problem());
+            self.carrier.sense_mut().reweigh(self.admm.problem());
             self.forget();
             trial.reset = true;
         }

@@ -1,17 +1,20 @@
 //! Both variables: A, Algorithms 1 and 2.
 
-use super::carrier::{Carrier, Extrapolated, check_order, check_sets, packed_weights, scaled, subtract};
+use super::carrier::{Carrier, Extrapolated, Sense, check_order, check_sets, coupled, of_sense, scaled};
 use super::{BuildError, Merit};
-use crate::{Admm, LocalReport, Order, Problem, vector};
+use crate::{Admm, LocalReport, Order, Problem};
 
 /// A, Algorithm 1: (z, u) as the fixed point of the x-z-u iteration and r = |W(c(Dx) - z)|^2 + |W(z - z_before)|^2 as its
 /// merit: A(11) with mu = 1 and the weights in W. Since c(Dx) - z is the change of u, r is the square of the fixed-point
 /// residual in the metric W, and is known before the global step: a rejected point costs a local step only. Positions ride
 /// along: where the global step is affine in p they are extrapolated exactly.
-pub struct CombinedResidual {
-    weights: Vec<f64>,  // w, an entry for each of z
-    sensed: Vec<f64>,   // W (z, u) before
-    residual: Vec<f64>, // W (change of z, change of u)
+pub struct CombinedResidual(Sense); // of (z, u)
+
+/// out <- W (z, u)
+fn pack(out: &mut [f64], weights: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
+    let (z, dual) = out.split_at_mut(weights.len());
+    scaled(z, weights, p, u, |p, u| p + u);
+    scaled(dual, weights, p, u, |_, u| u);
 }
 
 impl Carrier for CombinedResidual {
@@ -26,46 +29,19 @@ impl Carrier for CombinedResidual {
     }
 
     fn new(problem: &Problem) -> Self {
-        let weights = packed_weights(problem);
-        let zeros = vec![0.0; 2 * weights.len()];
-        CombinedResidual { residual: zeros.clone(), sensed: zeros, weights }
+        CombinedResidual(Sense::new(problem, 2))
     }
 
-    fn reweighted(&mut self, problem: &Problem) {
-        self.weights = packed_weights(problem);
-    }
+    of_sense!(0);
 
     fn before(&mut self, _: &mut Problem, _: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
-        let (z, dual) = self.sensed.split_at_mut(self.weights.len());
-        scaled(z, &self.weights, p, u, |p, u| p + u);
-        scaled(dual, &self.weights, p, u, |_, u| u);
+        pack(&mut self.0.before, &self.0.weights, p, u);
     }
 
     fn after_local(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], _: &LocalReport) -> Option<Merit> {
-        let (z, dual) = self.residual.split_at_mut(self.weights.len());
-        scaled(z, &self.weights, p, u, |p, u| p + u);
-        scaled(dual, &self.weights, p, u, |_, u| u);
-        subtract(&mut self.residual, &self.sensed);
-        Some(Merit::of_square(vector::dot(&self.residual, &self.residual)))
-    }
-
-    fn after_global(
-        &mut self,
-        _: &mut Problem,
-        _: &[f64],
-        _: &[Vec<f64>],
-        _: &[Vec<f64>],
-        _: &LocalReport,
-    ) -> Option<Merit> {
-        None
-    }
-
-    fn sensed(&self) -> &[f64] {
-        &self.sensed
-    }
-
-    fn residual(&self) -> &[f64] {
-        &self.residual
+        pack(&mut self.0.residual, &self.0.weights, p, u);
+        self.0.subtract();
+        Some(self.0.merit())
     }
 }
 
@@ -73,15 +49,13 @@ impl Carrier for CombinedResidual {
 /// as its merit, A(12). x is sensed by c(Dx), in the metric of the splitting; r is then the square of the fixed-point
 /// residual. Hard sets are on z, which is updated first, so that they hold for every z whatever is proposed.
 pub struct CombinedResidualZxu {
-    weights: Vec<f64>,
-    sensed: Vec<f64>,   // W (c(Dx), u) before
-    residual: Vec<f64>, // W (change of c(Dx), change of u)
+    sense: Sense, // of (c(Dx), u)
     coupled: Vec<Vec<f64>>,
 }
 
 impl CombinedResidualZxu {
-    /// W (c(Dx), u)
-    fn sense(
+    /// out <- W (c(Dx), u)
+    fn pack(
         coupled: &mut [Vec<f64>],
         weights: &[f64],
         problem: &mut Problem,
@@ -110,22 +84,13 @@ impl Carrier for CombinedResidualZxu {
     }
 
     fn new(problem: &Problem) -> Self {
-        let weights = packed_weights(problem);
-        let zeros = vec![0.0; 2 * weights.len()];
-        let coupled = problem.terms.iter().map(|term| vec![0.0; term.local_len()]).collect();
-        CombinedResidualZxu { residual: zeros.clone(), sensed: zeros, weights, coupled }
+        CombinedResidualZxu { sense: Sense::new(problem, 2), coupled: coupled(problem) }
     }
 
-    fn reweighted(&mut self, problem: &Problem) {
-        self.weights = packed_weights(problem);
-    }
+    of_sense!(sense);
 
     fn before(&mut self, problem: &mut Problem, x: &[f64], _: &[Vec<f64>], u: &[Vec<f64>]) {
-        Self::sense(&mut self.coupled, &self.weights, problem, x, u, &mut self.sensed);
-    }
-
-    fn after_local(&mut self, _: &[Vec<f64>], _: &[Vec<f64>], _: &LocalReport) -> Option<Merit> {
-        None
+        Self::pack(&mut self.coupled, &self.sense.weights, problem, x, u, &mut self.sense.before);
     }
 
     fn after_global(
@@ -136,16 +101,8 @@ impl Carrier for CombinedResidualZxu {
         u: &[Vec<f64>],
         _: &LocalReport,
     ) -> Option<Merit> {
-        Self::sense(&mut self.coupled, &self.weights, problem, x, u, &mut self.residual);
-        subtract(&mut self.residual, &self.sensed);
-        Some(Merit::of_square(vector::dot(&self.residual, &self.residual)))
-    }
-
-    fn sensed(&self) -> &[f64] {
-        &self.sensed
-    }
-
-    fn residual(&self) -> &[f64] {
-        &self.residual
+        Self::pack(&mut self.coupled, &self.sense.weights, problem, x, u, &mut self.sense.residual);
+        self.sense.subtract();
+        Some(self.sense.merit())
     }
 }

@@ -1,61 +1,14 @@
 //! One variable alone: A, Algorithms 3 and 4, and appendix E.
 
-use super::carrier::{
-    Carrier, Extrapolated, check_duals, check_exact, check_order, check_sets, packed_weights, scaled, subtract,
-};
+use super::carrier::{Carrier, Extrapolated, Sense, check_duals, check_exact, check_order, check_sets, of_sense};
 use super::{BuildError, Merit};
 use crate::{Admm, DualMap, LocalReport, Order, Problem, Residual};
-
-/// The variable before a cycle and its change, in the metric of the splitting.
-struct Change {
-    weights: Vec<f64>,
-    sensed: Vec<f64>,
-    residual: Vec<f64>,
-}
-
-impl Change {
-    fn new(problem: &Problem) -> Self {
-        let weights = packed_weights(problem);
-        let zeros = vec![0.0; weights.len()];
-        Change { residual: zeros.clone(), sensed: zeros, weights }
-    }
-
-    fn begin(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], value: impl Fn(f64, f64) -> f64 + Sync) {
-        scaled(&mut self.sensed, &self.weights, p, u, value);
-    }
-
-    fn end(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], value: impl Fn(f64, f64) -> f64 + Sync) {
-        scaled(&mut self.residual, &self.weights, p, u, value);
-        subtract(&mut self.residual, &self.sensed);
-    }
-}
-
-/// What all of them say of themselves.
-macro_rules! of_change {
-    () => {
-        fn new(problem: &Problem) -> Self {
-            Self(Change::new(problem))
-        }
-
-        fn reweighted(&mut self, problem: &Problem) {
-            self.0.weights = packed_weights(problem);
-        }
-
-        fn sensed(&self) -> &[f64] {
-            &self.0.sensed
-        }
-
-        fn residual(&self) -> &[f64] {
-            &self.0.residual
-        }
-    };
-}
 
 /// A, Algorithm 3: z as the fixed point of the x-z-u iteration, which it is where u follows from z by A(21) (Proposition
 /// 3.1; appendix E.1), and the forward residual |W(c(Dx) - z)|^2 of the next x as its merit, A(22): it vanishes exactly at
 /// fixed points (Proposition 3.2). An accelerated z gets the u of A(21) and a solve for its x; a rejected one costs another
 /// solve.
-pub struct ForwardResidual(Change);
+pub struct ForwardResidual(Sense);
 
 impl Carrier for ForwardResidual {
     const NAME: &'static str = "algorithm 3";
@@ -72,7 +25,11 @@ impl Carrier for ForwardResidual {
         check_duals(admm, Self::NAME, DualMap::Smooth)
     }
 
-    of_change!();
+    fn new(problem: &Problem) -> Self {
+        Self(Sense::new(problem, 1))
+    }
+
+    of_sense!(0);
 
     fn before(&mut self, _: &mut Problem, _: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
         self.0.begin(p, u, |p, u| p + u);
@@ -103,7 +60,7 @@ impl Carrier for ForwardResidual {
 /// x follows from u by A(23) (Proposition 3.3), and the forward residual |W(c(Dx) - z)|^2 of the next z as its merit, A(24):
 /// it vanishes exactly at fixed points (Proposition 3.4). x rides along by the coefficients of u, which keeps A(23). A
 /// rejected point costs another local step.
-pub struct ForwardResidualZxu(Change);
+pub struct ForwardResidualZxu(Sense);
 
 impl Carrier for ForwardResidualZxu {
     const NAME: &'static str = "algorithm 4";
@@ -121,7 +78,11 @@ impl Carrier for ForwardResidualZxu {
         }
     }
 
-    of_change!();
+    fn new(problem: &Problem) -> Self {
+        Self(Sense::new(problem, 1))
+    }
+
+    of_sense!(0);
 
     fn before(&mut self, _: &mut Problem, _: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
         self.0.begin(p, u, |_, u| u);
@@ -147,10 +108,10 @@ impl Carrier for ForwardResidualZxu {
 /// z alone where u is an affine function of it (A, appendix E.1; Figure 11): as Algorithm 3, but u and x ride along by the
 /// coefficients of z, so that an accelerated point costs no solve of its own. Its merit is the forward residual A(22),
 /// which the local step finds.
-pub struct LocalAlone(Change);
+pub struct LocalAlone(Sense);
 
 /// u alone where z is an affine function of it (A, appendix E.2): z and x ride along by the coefficients of u.
-pub struct DualAlone(Change);
+pub struct DualAlone(Sense);
 
 macro_rules! affine {
     ($carrier:ident, $name:literal, $value:expr) => {
@@ -167,7 +128,11 @@ macro_rules! affine {
                 check_duals(admm, Self::NAME, DualMap::Affine)
             }
 
-            of_change!();
+            fn new(problem: &Problem) -> Self {
+                Self(Sense::new(problem, 1))
+            }
+
+            of_sense!(0);
 
             fn before(&mut self, _: &mut Problem, _: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
                 self.0.begin(p, u, $value);
@@ -176,17 +141,6 @@ macro_rules! affine {
             fn after_local(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], local: &LocalReport) -> Option<Merit> {
                 self.0.end(p, u, $value);
                 Some(Merit::of_square(local.gap2_before))
-            }
-
-            fn after_global(
-                &mut self,
-                _: &mut Problem,
-                _: &[f64],
-                _: &[Vec<f64>],
-                _: &[Vec<f64>],
-                _: &LocalReport,
-            ) -> Option<Merit> {
-                None
             }
         }
     };
