@@ -96,8 +96,7 @@ impl Run<'_> {
         let frame = simulation.frame(record)?;
         let preview = simulation.scene().output.preview.then(|| simulation.preview());
         let report = self.report(folder, "stopped", "it broke off after this frame; go on with --resume");
-        let (free, driven) = (simulation.is_free(), simulation.is_driven());
-        folder.write(&frame, preview.as_ref(), simulation.state(), &report, free, driven)?;
+        folder.write(&frame, preview.as_ref(), simulation.state(), &report, simulation.ledger())?;
         self.written += began.elapsed().as_secs_f64();
         Ok(())
     }
@@ -155,7 +154,7 @@ impl Run<'_> {
             reason = format!("all steps of {done} frames converged");
         }
         let report = self.report(folder, &status, &reason);
-        let text = folder.write_report(&report, self.simulation.is_free(), self.simulation.is_driven())?;
+        let text = folder.write_report(&report, self.simulation.ledger())?;
         written.push(folder.path().join("report.json"));
         if let Some(path) = &self.args.report {
             write_text(path, &text)?;
@@ -218,7 +217,7 @@ impl Run<'_> {
                 .and_then(|r| Some(r.gradient? / r.gradient_bound * self.simulation.scene().solver.tol)),
             inverted: last.map(|r| r.inverted),
             primal_residual: last.and_then(|r| r.forward),
-            accepted: records.iter().map(|r| r.iterations - r.rejected).sum(),
+            accepted: records.iter().map(|r| r.iterations.saturating_sub(r.rejected)).sum(),
             rejected: records.iter().map(|r| r.rejected).sum(),
             warnings: warnings.to_vec(),
             repaired: repaired.to_vec(),

@@ -39,12 +39,12 @@ struct WholeReport {
     frames: Vec<FrameRecord>,
 }
 
-/// Whether some scenes' momenta can be followed by hand.
+/// What may change the energy and the momenta of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Ledger {
-    /// Nothing but gravity acts from outside.
+pub struct Ledger {
+    /// Nothing but gravity acts from outside: no wind, no damping, no pins, no obstacles.
     pub free: bool,
-    /// Energy comes from outside.
+    /// Energy comes from outside: from wind, from pins and obstacles that move.
     pub driven: bool,
 }
 
@@ -176,8 +176,7 @@ impl Folder {
         preview: Option<&Image>,
         state: &State,
         report: &Report,
-        free: bool,
-        driven: bool,
+        ledger: Ledger,
     ) -> Result<(), SimulateError> {
         let k = frame.record.frame;
         for (name, mesh, fields) in &frame.bodies {
@@ -201,7 +200,7 @@ impl Folder {
             writeln!(w, "{}", FrameRecord::HEADER)?;
             self.rows.iter().try_for_each(|row| writeln!(w, "{row}"))
         })?;
-        self.write_report(report, free, driven)?;
+        self.write_report(report, ledger)?;
         let bytes = state.to_bytes();
         Ok(atomic_write(&self.path.join("state.bin"), |w| w.write_all(&bytes))?)
     }
@@ -224,8 +223,7 @@ impl Folder {
     ///
     /// # Errors
     /// A full disk, a folder that has gone.
-    pub fn write_report(&self, report: &Report, free: bool, driven: bool) -> Result<String, SimulateError> {
-        let ledger = Ledger { free, driven };
+    pub fn write_report(&self, report: &Report, ledger: Ledger) -> Result<String, SimulateError> {
         let (momentum_drift, angular_momentum_drift) = self.drifts(ledger);
         let whole = WholeReport {
             report: report.clone(),

@@ -29,7 +29,7 @@ mod stops;
 mod track;
 mod world;
 
-pub use folder::Folder;
+pub use folder::{Folder, Ledger};
 pub use record::{Frame, FrameRecord};
 pub use scene::{
     BodySpec, DampingSpec, ForceSpec, Generate, Integrator, MotionKey, ObstacleSpec, OutputSpec, PinSpec, Scene,

@@ -2,6 +2,7 @@
 
 use super::contact::Walls;
 use super::engine::{Engine, Solved, Task};
+use super::folder::Ledger;
 use super::forces::accelerations;
 use super::record::{Frame, FrameRecord};
 use super::scene::{Integrator, Scene, SceneFile};
@@ -142,19 +143,15 @@ impl Simulation {
         self.engine.factor_bytes()
     }
 
-    /// Whether energy can come from outside: from wind, from pins and obstacles that move.
-    pub fn is_driven(&self) -> bool {
+    /// What may change its energy and its momenta.
+    pub fn ledger(&self) -> Ledger {
+        let Scene { forces, damping, obstacles, bodies, .. } = &self.scene;
         let moves = |b: &super::BodySpec| b.pins.iter().any(|p| p.velocity.is_some() || !p.keyframes.is_empty());
-        self.scene.forces.wind.is_some()
-            || self.scene.bodies.iter().any(moves)
-            || self.world.obstacles.iter().any(|o| !o.is_still())
-    }
-
-    /// Whether nothing but gravity acts from outside: no wind, no damping, no pins, no obstacles.
-    pub fn is_free(&self) -> bool {
-        let Scene { forces, damping, obstacles, .. } = &self.scene;
-        let undamped = damping.mass == 0.0 && damping.stiffness == 0.0;
-        forces.wind.is_none() && undamped && obstacles.is_empty() && self.world.n_free == self.world.n()
+        let (windy, undamped) = (forces.wind.is_some(), damping.mass == 0.0 && damping.stiffness == 0.0);
+        Ledger {
+            free: !windy && undamped && obstacles.is_empty() && self.world.n_free == self.world.n(),
+            driven: windy || bodies.iter().any(moves) || self.world.obstacles.iter().any(|o| !o.is_still()),
+        }
     }
 
     /// The next frame. One that is cancelled, or that the time limit cuts short, changes nothing: its record says so, and
@@ -175,8 +172,7 @@ impl Simulation {
             for i in 0..n {
                 stops.step = i;
                 let end = if i + 1 == n { (state.frame + 1) as f64 * scene.time.dt } else { from + (i + 1) as f64 * h };
-                let start = if i == 0 { from } else { from + i as f64 * h };
-                stepper.step((start, end, h), 0, &mut stops, &mut tally)?;
+                stepper.step((from + i as f64 * h, end, h), 0, &mut stops, &mut tally)?;
                 if stops.is_over() || matches!(tally.worst, Some((Status::Failed, _))) {
                     break;
                 }
@@ -274,12 +270,11 @@ impl Stepper<'_> {
         stops: &mut Stops<'_>,
         tally: &mut Tally,
     ) -> Result<(), SimulateError> {
-        let before = self.state.clone();
+        let before = (self.scene.time.adaptive && depth < HALVINGS).then(|| self.state.clone());
         let solved = self.solve((from, to, h), stops)?;
         tally.iterations += solved.iterations;
         tally.rejected += solved.rejected;
-        let again = self.scene.time.adaptive && depth < HALVINGS && solved.status != Status::Converged;
-        if again && !stops.is_over() {
+        if let Some(before) = before.filter(|_| solved.status != Status::Converged && !stops.is_over()) {
             self.state = before;
             let middle = from + h / 2.0;
             self.step((from, middle, h / 2.0), depth + 1, stops, tally)?;
@@ -431,9 +426,7 @@ fn stiffness_damping(
 /// The energy of elements and of bending, and its gradient over all nodes.
 fn elastic(world: &World, engine: &mut Engine, x: &[f64]) -> (f64, Vec<f64>) {
     let mut grad = vec![0.0; x.len()];
-    let elements = engine.problem().terms.len() - usize::from(engine.has_wall_term(world));
-    let problem = engine.problem();
-    let mut value: f64 = problem.terms[..elements].iter_mut().map(|t| t.energy(x, Some(&mut grad)).value).sum();
+    let mut value: f64 = engine.elements(world).iter_mut().map(|t| t.energy(x, Some(&mut grad)).value).sum();
     value += world.form.value_and_gradient(x, 3, Some(&mut grad));
     (value, grad)
 }
@@ -466,14 +459,9 @@ fn measure(scene: &Scene, world: &World, engine: &mut Engine, state: &State) -> 
         angular_momentum: l,
         max_strain_violation: engine.strain_violation(world, x),
         max_penetration: depth,
-        inverted: inverted(world, engine, x),
+        inverted: engine.elements(world).iter_mut().map(|term| term.energy(x, None).inverted).sum(),
         ..FrameRecord::default()
     }
-}
-
-fn inverted(world: &World, engine: &mut Engine, x: &[f64]) -> u64 {
-    let elements = engine.problem().terms.len() - usize::from(engine.has_wall_term(world));
-    engine.problem().terms[..elements].iter_mut().map(|term| term.energy(x, None).inverted).sum()
 }
 
 /// Points that press on something.

@@ -15,7 +15,7 @@ use proxel_model::contact::Contacts;
 use proxel_model::obstacle::{Obstacle, Solids};
 use proxel_split::{
     Admm, Auto, Hessian, Inertia, NormalMatrix, Precision, Problem, Quadratic, ResidualTolerance, Residuals, Status,
-    Stop, SystemError, vector,
+    Stop, SystemError, Term, vector,
 };
 use running::Running;
 use std::sync::Arc;
@@ -67,7 +67,7 @@ pub(super) struct Engine {
     factored: usize, // refactorisations of the normal matrix when its weights were those of the start
     characteristic: f64,
     penalty: f64,        // norm of the stiffness of contact over all points
-    split_contact: bool, // obstacles are a term of the splitting
+    split_contact: bool, // steps are solved by a splitting, with obstacles as a term; else by Newton's method
 }
 
 /// The stiffness of contact, in units of that of the nodes that touch. The larger, the sooner multipliers converge, and the
@@ -143,9 +143,10 @@ impl Engine {
             + self.hessian.as_ref().map_or(0, Hessian::factor_bytes)
     }
 
-    /// The problem, for its energies.
-    pub fn problem(&mut self) -> &mut Problem {
-        &mut self.problem
+    /// The terms that are bodies.
+    pub fn elements(&mut self, world: &World) -> &mut [Box<dyn Term>] {
+        let n = self.problem.terms.len() - usize::from(self.has_wall_term(world));
+        &mut self.problem.terms[..n]
     }
 
     fn factor(&mut self) -> Result<(), SimulateError> {
@@ -225,8 +226,7 @@ impl Engine {
         }
         match self.split_contact {
             true => self.by_splitting(task, bound, stops),
-            false if has_finish(self.settings.method) => self.by_newton(world, task, bound, stops),
-            false => self.by_splitting(task, bound, stops),
+            false => self.by_newton(world, task, bound, stops),
         }
     }
 
@@ -419,8 +419,7 @@ impl Engine {
 
     /// How far limited stretches are beyond their limits, at most.
     pub fn strain_violation(&mut self, world: &World, x: &[f64]) -> f64 {
-        let elements = self.problem.terms.len() - usize::from(self.has_wall_term(world));
-        let terms = &mut self.problem.terms[..elements];
+        let terms = self.elements(world);
         terms.iter_mut().map(|term| term.energy(x, None).violation).fold(0.0, |a, b| if b <= a { a } else { b })
     }
 }
