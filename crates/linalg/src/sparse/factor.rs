@@ -7,7 +7,7 @@ use super::etree::NONE;
 use super::front::FrontMemory;
 use super::invert::{Invert, copy_triangle};
 use super::layout::Layout;
-use super::memory::{Lines, Shared};
+use super::memory::{Lines, Pages, Shared};
 use super::pattern::check_length;
 use super::symbolic::Symbolic;
 use super::vector::Scalar;
@@ -73,14 +73,22 @@ impl<T: Scalar> Cholesky<T> {
 
     /// The same for another purpose. Results differ in rounding.
     pub fn for_purpose(symbolic: Arc<Symbolic>, purpose: Purpose) -> Self {
-        Self { purpose, ..Self::new(symbolic) }
+        Self::with(symbolic, Level::best(), purpose)
     }
 
     /// As [`Self::new`], with kernels for this instruction set (or the best of this machine, if that is less).
     /// Results under different instruction sets differ in rounding.
     pub fn with_level(symbolic: Arc<Symbolic>, level: Level) -> Self {
+        Self::with(symbolic, level, Purpose::default())
+    }
+
+    fn with(symbolic: Arc<Symbolic>, level: Level, purpose: Purpose) -> Self {
         let layout = Layout::new(&symbolic, T::LANES);
-        let panels = Lines::new(layout.panel[layout.panel.len() - 1]);
+        let pages = match purpose {
+            Purpose::ManySolves => Pages::Huge,
+            Purpose::FewSolves => Pages::Small,
+        };
+        let panels = Lines::new(layout.panel[layout.panel.len() - 1], pages);
         Self {
             layout,
             panels,
@@ -88,7 +96,7 @@ impl<T: Scalar> Cholesky<T> {
             scale: Vec::new(),
             factored: false,
             level,
-            purpose: Purpose::default(),
+            purpose,
             precision: PhantomData,
             symbolic,
         }
