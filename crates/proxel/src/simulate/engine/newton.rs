@@ -1,16 +1,15 @@
 //! Newton's method on an augmented Lagrangian of contact.
 
-use super::running::Running;
-use super::{Engine, Solved, Task};
-use crate::deform::REFUSALS;
+use super::{Engine, How, Matrices, Solved, Task};
+use crate::deform::{REFUSALS, admm_settings};
 use crate::settings::MethodName;
 use crate::simulate::SimulateError;
 use crate::simulate::contact::learn;
 use crate::simulate::stops::{Bound, Stops};
 use crate::simulate::world::World;
 use proxel_split::{
-    Auto, Hessian, LinearSolver, Newton, NewtonSettings, NoProgress, NormalMatrix, Outcome, Price, Problem, Residuals,
-    Status, solver_for,
+    Admm, Auto, Hessian, LinearSolver, Newton, NewtonSettings, NoProgress, NormalMatrix, Outcome, Parts, Price,
+    Problem, Status, solver_for,
 };
 
 /// Renewals of planes and forces in a step.
@@ -97,7 +96,8 @@ impl Engine {
             reason,
             iterations,
             rejected,
-            residuals: Residuals { primal: f64::INFINITY, dual: f64::INFINITY },
+            residuals: None,
+            local_dim: 0,
             bound,
             contacts: self.contacts.clone(),
             known,
@@ -121,10 +121,10 @@ impl Engine {
         limit: usize,
         stops: &mut Stops<'_>,
     ) -> Result<Outcome, SimulateError> {
-        let Some(normal) = self.normal.take() else { return Err(SimulateError::new("a step lost its matrix".into())) };
+        let (normal, hessian) = self.take_matrices()?;
         let settings = self.newton_settings(&normal);
         let mut problem = std::mem::replace(&mut self.problem, Problem::empty());
-        let hessian = match self.hessian.take() {
+        let hessian = match hessian {
             Some(hessian) => hessian,
             None => Hessian::new(&mut problem, &normal)?,
         };
@@ -132,7 +132,7 @@ impl Engine {
         let (mut converged, mut stuck) = (Bound(bound), NoProgress::new(REFUSALS));
         let outcome = stops.run(&mut newton, &mut [&mut converged, &mut stuck], limit);
         let (problem, normal, _, hessian) = newton.into_parts_with_hessian();
-        (self.problem, self.normal, self.hessian) = (problem, Some(normal), Some(hessian));
+        self.put_back(problem, normal, Some(hessian));
         Ok(outcome)
     }
 
@@ -144,14 +144,34 @@ impl Engine {
         limit: usize,
         stops: &mut Stops<'_>,
     ) -> Result<Outcome, SimulateError> {
+        let (normal, _) = self.take_matrices()?;
         let problem = std::mem::replace(&mut self.problem, Problem::empty());
-        let Some(normal) = self.normal.take() else { return Err(SimulateError::new("a step lost its matrix".into())) };
-        let admm = self.admm(problem, normal, x);
+        let admm = Admm::resume(problem, normal, x, admm_settings(&self.settings), 0);
         let name = self.settings.method.as_str().to_string();
-        let mut auto = Running::Auto(Box::new(Auto::new(name, admm, self.settings.newton.auto())));
+        let mut auto = Auto::new(name, admm, self.settings.newton.auto());
         let (mut converged, mut stuck) = (Bound(bound), NoProgress::new(REFUSALS));
-        let outcome = stops.run(auto.method(), &mut [&mut converged, &mut stuck], limit);
-        self.take_back(auto);
+        let outcome = stops.run(&mut auto, &mut [&mut converged, &mut stuck], limit);
+        let Some(Parts { problem, normal, hessian, .. }) = auto.into_parts() else {
+            return Err(SimulateError::new(format!("a step failed: {}", outcome.reason)));
+        };
+        self.put_back(problem, normal, hessian);
         Ok(outcome)
+    }
+
+    fn take_matrices(&mut self) -> Result<(NormalMatrix, Option<Hessian>), SimulateError> {
+        if let How::Newton(Matrices { normal, hessian, .. }) = &mut self.how
+            && let Some(normal) = normal.take()
+        {
+            return Ok((normal, hessian.take()));
+        }
+        Err(SimulateError::new("a step lost its matrix; begin the simulation anew".into()))
+    }
+
+    fn put_back(&mut self, problem: Problem, normal: NormalMatrix, hessian: Option<Hessian>) {
+        self.problem = problem;
+        if let How::Newton(matrices) = &mut self.how {
+            matrices.normal = Some(normal);
+            matrices.hessian = hessian;
+        }
     }
 }
