@@ -311,7 +311,7 @@ impl Stepper<'_> {
     fn solve(&mut self, (from, to, h): (f64, f64, f64), stops: &mut Stops<'_>) -> Result<Solved, SimulateError> {
         let (world, scene) = (self.world, self.scene);
         let n = 3 * world.n_free;
-        let State { x, v, before, known, .. } = &self.state;
+        let State { x, v, before, known, stresses, .. } = &self.state;
         // With w the ratio of this step to the last: x' = a x - b x_before + beta h v'; w = 0 is implicit Euler.
         let two_step = before.as_ref().filter(|_| scene.time.integrator == Integrator::Bdf2);
         let w = two_step.map_or(0.0, |(_, _, last)| h / last);
@@ -338,21 +338,29 @@ impl Stepper<'_> {
             true => Some(stiffness_damping(world, self.engine, scene.damping.stiffness, (x, &start), &anchor, tau)),
             false => None,
         };
-        let task =
-            Task { x: &start, target: &target, inertia: stiffness(tau, damping), damping: stiff, walls: &walls, known };
+        let task = Task {
+            x: &start,
+            target: &target,
+            inertia: stiffness(tau, damping),
+            damping: stiff,
+            walls: &walls,
+            known,
+            stresses,
+        };
         let mut solved = self.engine.solve(world, &task, stops)?;
         self.center(&mut solved, &target);
         // Held nodes are where they are, free ones have the velocity of the integrator.
         let mut velocity: Vec<f64> = (0..x.len()).map(|i| (solved.x[i] - x[i]) / h).collect();
         (0..n).for_each(|i| velocity[i] = (solved.x[i] - anchor[i]) / tau);
         let reaction = self.reaction(&solved.x);
-        let State { x, v, before, known, .. } = &mut self.state;
+        let State { x, v, before, known, stresses, .. } = &mut self.state;
         if scene.time.integrator == Integrator::Bdf2 {
             *before = Some((std::mem::take(x), std::mem::take(v), h));
         }
         *x = std::mem::take(&mut solved.x);
         *v = velocity;
         *known = std::mem::take(&mut solved.known);
+        *stresses = std::mem::take(&mut solved.stresses);
         self.last = Some(Last { contacts: solved.contacts.clone(), reaction });
         Ok(solved)
     }
@@ -391,6 +399,7 @@ impl Stepper<'_> {
     fn reaction(&mut self, x: &[f64]) -> Vec<f64> {
         let world = self.world;
         let mut grad = elastic(world, self.engine, x).1;
+        self.engine.add_forces_of_limits(x, &mut grad);
         grad[..3 * world.n_free].fill(0.0);
         for i in world.n_free..world.n() {
             for d in 0..3 {

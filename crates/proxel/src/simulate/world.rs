@@ -10,6 +10,7 @@ use proxel_mesh::topology::{self, boundary_surface};
 use proxel_model::elements::morton;
 use proxel_model::points::Points;
 use proxel_model::solid::Solid;
+use proxel_model::strain_limit::LimitedElements;
 use proxel_split::{SymmetricForm, Term, VIOLATION};
 use std::sync::Arc;
 
@@ -339,12 +340,36 @@ impl World {
                     let Body { number, mesh, .. } = body;
                     let built = build(cells, &chosen, body.fill(), number, &self.rest, material, settings, &mesh.name)?;
                     terms.push(built.term);
-                    barriers.push(built.barrier);
+                    // What is turned inside out is beyond any limit.
+                    let solid = matches!(cells, Cells::Tets(_));
+                    barriers.push(built.barrier || (solid && body.settings.strain_limit.is_some()));
                     limits.push(body.settings.strain_limit);
                 }
             }
         }
         Ok(Terms { terms, barriers, limits })
+    }
+
+    /// The elements that have hard limits, over the numbers of nodes.
+    ///
+    /// # Errors
+    /// Elements that cannot be used.
+    pub fn limited(&self) -> Result<LimitedElements, DeformError> {
+        let mut limited = LimitedElements::default();
+        for body in &self.bodies {
+            let Some(limits) = body.settings.strain_limit else { continue };
+            for cells in &body.cells {
+                let renumbered = cells.renumbered(&body.number);
+                let corners = renumbered.corners();
+                let added = match cells {
+                    Cells::Tets(_) => limited.add::<3>(&self.rest, corners, body.fill(), limits),
+                    Cells::Triangles(_) => limited.add::<2>(&self.rest, corners, None, limits),
+                    Cells::Springs(_) => limited.add::<1>(&self.rest, corners, None, limits),
+                };
+                added.map_err(|e| DeformError(format!("{}: {e}", body.mesh.name)))?;
+            }
+        }
+        Ok(limited)
     }
 
     /// The mean length at rest of the edges of all elements, each edge of a body once: a of A(27).

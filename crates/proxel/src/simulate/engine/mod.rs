@@ -11,8 +11,10 @@ use super::{SimulateError, SolverSpec, has_finish};
 use crate::deform::constraints::shared;
 use crate::settings::{DeformSettings, MethodName};
 use proxel_model::contact::Contacts;
+use proxel_model::strain_limit::StrainLimits;
 use proxel_split::{
-    Hessian, Inertia, NormalMatrix, Precision, Problem, Quadratic, SquaredResiduals, Status, SystemError, Term, vector,
+    Hessian, Inertia, NormalMatrix, Potential, Precision, Problem, Quadratic, SquaredResiduals, Status, SystemError,
+    Term, vector,
 };
 use splitting::Splitting;
 use std::sync::Arc;
@@ -32,6 +34,8 @@ pub(super) struct Task<'a> {
     pub walls: &'a Walls,
     /// Forces between points and walls in the step before.
     pub known: &'a Known,
+    /// Stresses that held elements within their limits then; none at first.
+    pub stresses: &'a [f64],
 }
 
 /// How a step ended.
@@ -51,6 +55,8 @@ pub(super) struct Solved {
     /// Forces between points and walls.
     pub contacts: Contacts,
     pub known: Known,
+    /// Stresses that hold elements within their limits.
+    pub stresses: Vec<f64>,
 }
 
 /// Solves steps of a world.
@@ -61,10 +67,11 @@ pub(super) struct Engine {
     how: How,
     damping: Option<StiffnessDamping>,
     contacts: Contacts,
+    strain: Option<StrainLimits>, // hard limits, for Newton's method
     settings: DeformSettings,
     inertia: f64, // of the problem
     characteristic: f64,
-    penalty: f64,   // norm of the stiffness of contact over all points
+    penalty: f64,   // norm of the stiffness of contact over all points, and of limits
     mean_edge: f64, // at rest
 }
 
@@ -86,6 +93,8 @@ struct Matrices {
 /// The stiffness of contact, in units of that of the nodes that touch. The larger, the sooner multipliers converge, and the
 /// more digits a factor loses.
 const PENALTY: f64 = 100.0;
+/// The stiffness of hard limits, in units of that of the nodes of an element.
+const HOLD: f64 = 10.0;
 /// Slips up to this part of a body's size, a step, stick.
 const STICKING: f64 = 1e-5;
 /// Energies of elements are exact to 1e-16 of the sum of squared weights, stiffness times volume, and Newton's method takes
@@ -118,8 +127,7 @@ impl Engine {
         quadratic.inertia = inertia_of(world, inertia, &world.start[..3 * world.n_free])?;
         let x0 = world.start.clone();
         let problem = Problem { dim: 3, n_free: world.n_free, x0, terms, quadratic, barrier };
-        let by_newton = has_finish(settings.method) && limits.iter().all(Option::is_none);
-        let how = match by_newton || world.n_free == 0 {
+        let how = match has_finish(settings.method) || world.n_free == 0 {
             true => How::Newton(Matrices { normal: None, hessian: None, factored: 0 }),
             false => {
                 let (x0, quadratic) = (problem.x0.clone(), problem.quadratic.clone());
@@ -135,12 +143,13 @@ impl Engine {
             how,
             damping: None,
             contacts: Contacts::default(),
+            strain: None,
             penalty: 0.0,
             settings,
             inertia,
             mean_edge: world.mean_edge(),
         };
-        if by_newton && world.n_free > 0 {
+        if matches!(engine.how, How::Newton(_)) && world.n_free > 0 {
             engine.prepare_newton(world, damped)?;
         }
         Ok(engine)
@@ -148,15 +157,24 @@ impl Engine {
 
     /// Matrices and potentials for Newton's method.
     fn prepare_newton(&mut self, world: &World, damped: bool) -> Result<(), SimulateError> {
+        let mut stiffness = self.problem.node_stiffness();
+        stiffness.iter_mut().zip(&world.mass).for_each(|(k, m)| *k += self.inertia * m);
         if !world.obstacles.is_empty() {
-            let mut stiffness = self.problem.node_stiffness();
-            stiffness.iter_mut().zip(&world.mass).for_each(|(k, m)| *k += self.inertia * m);
             let points = world.touching.points.clone();
             let k: Vec<f64> = shared(&points, &stiffness).map(|k| PENALTY * k).collect();
             self.penalty = vector::norm(&k);
             let slip = world.touching.who.iter().map(|(b, _)| STICKING * world.bodies[*b].size).collect();
             self.contacts = Contacts::new(points, k.into(), slip);
             self.problem.quadratic.potentials.push(Arc::new(self.contacts.clone()));
+        }
+        let limited = world.limited()?;
+        if !limited.is_empty() {
+            let strain = StrainLimits::new(limited, &stiffness, HOLD);
+            self.penalty = self.penalty.hypot(strain.penalty());
+            let buckling = strain.buckling();
+            self.problem.quadratic.potentials.push(Arc::new(strain.clone()));
+            self.problem.quadratic.potentials.push(Arc::new(buckling));
+            self.strain = Some(strain);
         }
         let normal = self.factor()?;
         if damped {
@@ -304,6 +322,7 @@ impl Engine {
             bound: 0.0,
             contacts: self.contacts.with(Vec::new()),
             known: Known::new(),
+            stresses: Vec::new(),
         }
     }
 
@@ -342,6 +361,22 @@ impl Engine {
                 return;
             }
             *first = Arc::new(self.contacts.clone());
+        }
+    }
+
+    /// Puts limits into the problem: after contact.
+    fn set_strain(&mut self, strain: StrainLimits) {
+        let at = usize::from(!self.contacts.points().is_empty());
+        if let Some([limits, buckling]) = self.problem.quadratic.potentials.get_mut(at..at + 2) {
+            (*limits, *buckling) = (Arc::new(strain.clone()), Arc::new(strain.buckling()));
+            self.strain = Some(strain);
+        }
+    }
+
+    /// Adds the forces of hard limits to a gradient.
+    pub fn add_forces_of_limits(&self, x: &[f64], grad: &mut [f64]) {
+        if let Some(strain) = &self.strain {
+            strain.value_and_gradient(x, Some(grad));
         }
     }
 

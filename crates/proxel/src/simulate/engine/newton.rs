@@ -1,4 +1,4 @@
-//! Newton's method on an augmented Lagrangian of contact.
+//! Newton's method on an augmented Lagrangian of contact and of hard limits.
 
 use super::{Engine, How, Matrices, Solved, Task};
 use crate::deform::{REFUSALS, admm_settings};
@@ -9,18 +9,26 @@ use crate::simulate::stops::{Bound, Stops};
 use crate::simulate::world::World;
 use proxel_split::{
     Admm, Auto, Hessian, LinearSolver, Newton, NewtonSettings, NoProgress, NormalMatrix, Outcome, Parts, Price,
-    Problem, Status, solver_for,
+    Problem, Status, VIOLATION, solver_for,
 };
 
 /// Renewals of planes and forces in a step.
 const RENEWALS: usize = 60;
+/// With hard limits, whose multipliers need more of them.
+const RENEWALS_OF_LIMITS: usize = 400;
+/// Limits are held more stiffly by this factor where a renewal has left more than `LAGGING` of how far they were passed, up to
+/// `STIFFEST` times.
+const STIFFER: f64 = 4.0;
+const LAGGING: f64 = 0.4;
+const STIFFEST: f64 = 1e4;
 /// Rounds that Newton may leave without progress while planes and forces still change.
 const PATIENCE: usize = 4;
 /// Part of the gradient that is left when planes and forces are renewed.
 const INNER: f64 = 0.05;
 
 impl Engine {
-    /// Newton's method on an augmented Lagrangian of contact, whose planes and forces are renewed between its runs.
+    /// Newton's method on an augmented Lagrangian of contact and of hard limits: planes, forces and stresses are renewed
+    /// between its runs.
     pub(super) fn by_newton(
         &mut self,
         world: &World,
@@ -36,12 +44,18 @@ impl Engine {
         };
         let is_met = !touches.is_empty();
         self.set_contacts(touches);
+        if let Some(strain) = &self.strain {
+            let known = strain.with(task.stresses).unwrap_or_else(|| strain.forgotten());
+            self.set_strain(known);
+        }
+        let (mut beyond, mut growth) = (f64::INFINITY, 1.0);
         let mut x = self.begin(task, is_met);
         let (mut iterations, mut rejected, mut rescued, mut stuck) = (0, 0, false, 0);
         let (mut status, mut reason) = (Status::Stopped, String::new());
-        for renewal in 0..RENEWALS {
+        let renewals = if self.strain.is_some() { RENEWALS_OF_LIMITS } else { RENEWALS };
+        for renewal in 0..renewals {
             let left = self.settings.max_iters.saturating_sub(iterations);
-            let inner = if self.contacts.touches().is_empty() { bound } else { bound.max(INNER * self.gradient(&x)) };
+            let inner = if self.is_constrained() { bound.max(INNER * self.gradient(&x)) } else { bound };
             let tangled = self.forbidden(&x) > 0;
             let outcome = match tangled && self.settings.method == MethodName::Auto && !rescued {
                 true => {
@@ -61,9 +75,18 @@ impl Engine {
                 let touches = task.walls.renew(world, &self.contacts, &x, task.x);
                 self.set_contacts(touches);
             }
+            if let Some(strain) = self.strain.clone() {
+                let now = self.strain_violation(&x);
+                let lags = now > LAGGING * beyond && now > VIOLATION && growth < STIFFEST;
+                beyond = now;
+                let stiffer = if lags { STIFFER } else { 1.0 };
+                growth *= stiffer;
+                self.set_strain(strain.renewed(&x, stiffer));
+            }
             let gradient = self.gradient(&x);
             let inverted = self.forbidden(&x) > 0;
-            if gradient <= bound && !inverted {
+            let held = self.strain.is_none() || beyond <= VIOLATION;
+            if gradient <= bound && !inverted && held {
                 status = Status::Converged;
                 reason = format!("gradient {gradient:e} is at most {bound:e}, forces of contact included");
                 break;
@@ -73,7 +96,7 @@ impl Engine {
                 break;
             }
             stuck += usize::from(status == Status::Stopped || inverted);
-            let touching = !self.contacts.touches().is_empty();
+            let touching = self.is_constrained();
             if stuck > if touching { PATIENCE } else { 0 } {
                 // Newton finds no way on: the splitting may, once, where nothing touches.
                 if rescued || touching || self.settings.method != MethodName::Auto {
@@ -101,7 +124,13 @@ impl Engine {
             bound,
             contacts: self.contacts.clone(),
             known,
+            stresses: self.strain.as_ref().map(|strain| strain.multipliers()).unwrap_or_default(),
         })
+    }
+
+    /// Whether multipliers are to be renewed.
+    fn is_constrained(&self) -> bool {
+        !self.contacts.touches().is_empty() || self.strain.is_some()
     }
 
     fn newton_settings(&self, normal: &NormalMatrix) -> NewtonSettings {

@@ -140,6 +140,7 @@ impl Splitting {
             bound,
             contacts: contacts.with(Vec::new()),
             known: Known::new(),
+            stresses: Vec::new(),
             x: outcome.x,
         })
     }
