@@ -88,7 +88,7 @@ fn squared_residuals_are_those_of_the_paper() {
                     let gap = c_before.iter().zip(&z).map(|(c, z)| c - z);
                     let moved = z.iter().zip(&z_before).map(|(a, b)| a - b);
                     let forward = square(method.problem(), c.iter().zip(&z).map(|(c, z)| c - z));
-                    (forward, square(method.problem(), gap) + of(method.problem(), moved))
+                    (forward, square(method.problem(), gap) + square(method.problem(), moved))
                 }
                 Order::Zxu => {
                     let forward = square(method.problem(), c_before.iter().zip(&z).map(|(c, z)| c - z));

@@ -7,14 +7,12 @@ use crate::deform::{admm_settings, method};
 use crate::settings::{DeformSettings, MethodName};
 use crate::simulate::SimulateError;
 use crate::simulate::contact::{Known, Walls};
-use crate::simulate::scene::SolverSpec;
+use crate::simulate::scene::{AccelerateName, SolverSpec};
 use crate::simulate::stops::{Bound, Stops};
 use crate::simulate::world::{Hold, World};
 use proxel_model::contact::Contacts;
 use proxel_model::obstacle::{Obstacle, Solids};
-use proxel_split::{
-    Acceleration, Admm, Algorithm, Inertia, Method, Outcome, Problem, ResidualTolerance, Stop, SystemError, Term,
-};
+use proxel_split::{Admm, Algorithm, Inertia, Method, Outcome, Problem, ResidualTolerance, Stop, SystemError, Term};
 
 /// A method, from step to step.
 pub(super) struct Splitting {
@@ -156,7 +154,8 @@ fn accelerated(admm: Admm, solver: &SolverSpec, hard: bool) -> Result<Box<dyn Me
     let admm = admm.with_cycle(solver.cycle())?;
     match solver.acceleration(Algorithm::of(&admm), hard) {
         None => Ok(Box::new(admm)),
-        Some(how) => Ok(Acceleration::of(&how, admm)?),
+        Some(how) if solver.accelerate == AccelerateName::WhereItPays => Ok(how.where_it_pays(admm)?),
+        Some(how) => Ok(how.of(admm)?),
     }
 }
 

@@ -27,7 +27,7 @@ mod solver;
 pub use body::{BodySpec, Generate, PinSpec, Split};
 pub use file::SceneFile;
 pub use obstacle::{MotionKey, ObstacleSpec, ShapeSpec};
-pub use solver::{AlgorithmName, ExtrapolationName, HistoryName, SolverSpec};
+pub use solver::{AccelerateName, AlgorithmName, ExtrapolationName, HistoryName, SolverSpec};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -24,6 +24,8 @@ pub struct SolverSpec {
     /// else four, else one or, with hard sets, two.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub algorithm: Option<AlgorithmName>,
+    /// Whether an acceleration is used always, or while counted costs show that it pays.
+    pub accelerate: AccelerateName,
     /// What proposes points; anderson for aa-admm and aadr, nothing for other methods.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub extrapolation: Option<ExtrapolationName>,
@@ -71,6 +73,17 @@ pub enum ExtrapolationName {
     CorrectedMomentum,
 }
 
+/// When an acceleration is used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum AccelerateName {
+    /// In every iteration.
+    #[default]
+    Always,
+    /// While it gains more than it costs, beside plain iterations: by counted costs, so that a run is the same on any machine.
+    WhereItPays,
+}
+
 /// What a refused point does to the history.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -95,6 +108,7 @@ impl Default for SolverSpec {
             tol: of.tol,
             window: of.anderson.aa_admm,
             algorithm: None,
+            accelerate: AccelerateName::default(),
             extrapolation: None,
             mixing: 1.0,
             eta: ETA,
