@@ -154,19 +154,31 @@ impl StrainLimits {
         Buckling(self.clone())
     }
 
-    /// With the multipliers that x shows, and stiffnesses `stiffer` times as large.
+    /// With the multipliers that x shows, and how far those of before were from them, in strains: the largest
+    /// |[U + k (E - h)]_+ - U| / k, which is 0 where limits hold and multipliers bear on them alone. At a point where the
+    /// gradient of an objective with this potential vanishes as well, the conditions of Karush, Kuhn and Tucker hold.
     #[must_use]
-    pub fn renewed(&self, x: &[f64], stiffer: f64) -> Self {
-        let known: Vec<Multipliers> = self
+    pub fn renewed(&self, x: &[f64]) -> (Self, f64) {
+        let all: Vec<(Multipliers, f64)> = self
             .elements
             .par_iter()
             .zip(&self.known[..])
             .map(|(element, known)| {
                 let place = element.at(known, self.growth, x);
-                Multipliers { upper: place.upper.positive, lower: place.lower.positive }
+                let new = Multipliers { upper: place.upper.positive, lower: place.lower.positive };
+                let moved = distance(&new.upper, &known.upper).max(distance(&new.lower, &known.lower));
+                (new, moved / (self.growth * element.stiffness))
             })
             .collect();
-        StrainLimits { known: known.into(), growth: self.growth * stiffer, ..self.clone() }
+        let farthest = all.iter().fold(0.0, |most: f64, (_, moved)| if *moved <= most { most } else { *moved });
+        let known = all.into_iter().map(|(new, _)| new).collect();
+        (StrainLimits { known, ..self.clone() }, farthest)
+    }
+
+    /// With stiffnesses so many times as large.
+    #[must_use]
+    pub fn stiffer(self, factor: f64) -> Self {
+        StrainLimits { growth: self.growth * factor, ..self }
     }
 
     /// Without multipliers, and with the stiffnesses of the start.
@@ -205,6 +217,11 @@ impl StrainLimits {
 
 /// Of a symmetric matrix.
 const ENTRIES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+
+/// |a - b|
+fn distance(a: &Sym, b: &Sym) -> f64 {
+    a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
 
 fn dot(a: &V3, b: &V3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -422,6 +439,3 @@ impl Potential for Buckling {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

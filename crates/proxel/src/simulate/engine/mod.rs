@@ -94,7 +94,7 @@ struct Matrices {
 /// more digits a factor loses.
 const PENALTY: f64 = 100.0;
 /// The stiffness of hard limits, in units of that of the nodes of an element.
-const HOLD: f64 = 10.0;
+const HOLD: f64 = 100.0;
 /// Slips up to this part of a body's size, a step, stick.
 const STICKING: f64 = 1e-5;
 /// Energies of elements are exact to 1e-16 of the sum of squared weights, stiffness times volume, and Newton's method takes

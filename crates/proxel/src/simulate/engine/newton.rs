@@ -16,10 +16,10 @@ use proxel_split::{
 const RENEWALS: usize = 60;
 /// With hard limits, whose multipliers need more of them.
 const RENEWALS_OF_LIMITS: usize = 400;
-/// Limits are held more stiffly by this factor where a renewal has left more than `LAGGING` of how far they were passed, up to
-/// `STIFFEST` times.
+/// Limits are held more stiffly by this factor where a renewal has left more than `LAGGING` of how far their multipliers were
+/// off, up to `STIFFEST` times.
 const STIFFER: f64 = 4.0;
-const LAGGING: f64 = 0.4;
+const LAGGING: f64 = 0.3;
 const STIFFEST: f64 = 1e4;
 /// Rounds that Newton may leave without progress while planes and forces still change.
 const PATIENCE: usize = 4;
@@ -48,14 +48,17 @@ impl Engine {
             let known = strain.with(task.stresses).unwrap_or_else(|| strain.forgotten());
             self.set_strain(known);
         }
-        let (mut beyond, mut growth) = (f64::INFINITY, 1.0);
+        let (mut before, mut growth, mut settled, mut stresses) = (f64::INFINITY, 1.0, false, Vec::new());
         let mut x = self.begin(task, is_met);
         let (mut iterations, mut rejected, mut rescued, mut stuck) = (0, 0, false, 0);
         let (mut status, mut reason) = (Status::Stopped, String::new());
         let renewals = if self.strain.is_some() { RENEWALS_OF_LIMITS } else { RENEWALS };
         for renewal in 0..renewals {
             let left = self.settings.max_iters.saturating_sub(iterations);
-            let inner = if self.is_constrained() { bound.max(INNER * self.gradient(&x)) } else { bound };
+            let inner = match self.is_constrained() && !(settled && self.contacts.touches().is_empty()) {
+                true => bound.max(INNER * self.gradient(&x)),
+                false => bound,
+            };
             let tangled = self.forbidden(&x) > 0;
             let outcome = match tangled && self.settings.method == MethodName::Auto && !rescued {
                 true => {
@@ -75,21 +78,25 @@ impl Engine {
                 let touches = task.walls.renew(world, &self.contacts, &x, task.x);
                 self.set_contacts(touches);
             }
-            if let Some(strain) = self.strain.clone() {
-                let now = self.strain_violation(&x);
-                let lags = now > LAGGING * beyond && now > VIOLATION && growth < STIFFEST;
-                beyond = now;
-                let stiffer = if lags { STIFFER } else { 1.0 };
-                growth *= stiffer;
-                self.set_strain(strain.renewed(&x, stiffer));
-            }
             let gradient = self.gradient(&x);
             let inverted = self.forbidden(&x) > 0;
-            let held = self.strain.is_none() || beyond <= VIOLATION;
+            let renewed = self.strain.as_ref().map(|strain| strain.renewed(&x));
+            let off = renewed.as_ref().map_or(0.0, |(_, off)| *off);
+            settled = off <= VIOLATION;
+            if let Some((strain, _)) = &renewed {
+                stresses = strain.multipliers();
+            }
+            let held = settled && self.strain_violation(&x) <= VIOLATION;
             if gradient <= bound && !inverted && held {
                 status = Status::Converged;
                 reason = format!("gradient {gradient:e} is at most {bound:e}, forces of contact included");
                 break;
+            }
+            if let Some((strain, off)) = renewed {
+                let lags = off > LAGGING * before && !settled && growth < STIFFEST;
+                let stiffer = if lags { STIFFER } else { 1.0 };
+                (before, growth) = (off, growth * stiffer);
+                self.set_strain(strain.stiffer(stiffer));
             }
             if iterations >= self.settings.max_iters {
                 (status, reason) = (Status::Stopped, format!("{iterations} iterations done (max_iters)"));
@@ -109,7 +116,8 @@ impl Engine {
                 rejected += outcome.rejected;
                 x = outcome.x;
             }
-            (status, reason) = (Status::Stopped, format!("forces of contact did not settle in {} rounds", renewal + 1));
+            (status, reason) =
+                (Status::Stopped, format!("forces of contact and of limits did not settle in {} rounds", renewal + 1));
         }
         let known = learn(&self.contacts, &x);
         Ok(Solved {
@@ -124,7 +132,7 @@ impl Engine {
             bound,
             contacts: self.contacts.clone(),
             known,
-            stresses: self.strain.as_ref().map(|strain| strain.multipliers()).unwrap_or_default(),
+            stresses,
         })
     }
 

@@ -1,4 +1,7 @@
-use super::*;
+//! Hard limits of stretches as a potential: derivatives, invariance, multipliers.
+
+use proxel_model::strain_limit::{LimitedElements, StrainLimits};
+use proxel_split::Potential;
 
 /// A triangle, a tetrahedron and a spring, whose corners they share.
 fn limits() -> StrainLimits {
@@ -25,7 +28,7 @@ fn gradient_and_blocks_are_the_derivatives() {
     let mut before = FAR;
     before[3] = 1.2;
     before[7] = 0.7;
-    let limits = limits().renewed(&before, 3.0);
+    let limits = limits().renewed(&before).0.stiffer(3.0);
     let (n, h) = (FAR.len(), 1e-6);
     let mut hessian = vec![vec![0.0; n]; n];
     let buckling = limits.buckling();
@@ -110,6 +113,7 @@ fn renewed_multipliers_find_the_force_of_a_limit() {
     of.add::<1>(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], &[1, 0], None, [0.9, 1.1]).unwrap();
     let mut limits = StrainLimits::new(of, &[2.0], 2.0);
     let mut x = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let mut moved = f64::INFINITY;
     for _ in 0..40 {
         for _ in 0..200 {
             // Newton on the only coordinate that matters.
@@ -118,8 +122,9 @@ fn renewed_multipliers_find_the_force_of_a_limit() {
             limits.for_each_block(&x, &mut |i, j, block| second += if i == 0 && j == 0 { block[0][0] } else { 0.0 });
             x[0] -= ((grad[0] - 3.0) / second.max(1.0)).clamp(-0.1, 0.1);
         }
-        limits = limits.renewed(&x, 1.0);
+        (limits, moved) = limits.renewed(&x);
     }
+    assert!(moved < 1e-9, "{moved}");
     assert!((x[0] - 1.1).abs() < 1e-9, "{}", x[0]);
     let again = limits.with(&limits.multipliers()).unwrap();
     assert_eq!(again.multipliers(), limits.multipliers());
