@@ -267,7 +267,8 @@ fn cost<C: Carrier>(problem: Problem, a: f64, level: f64) -> (f64, usize) {
 }
 
 /// Soft rubber needs 110 plain iterations to 1e-6, where acceleration hardly pays; rubber needs 735 to 1e-2, and 79 accelerated
-/// ones. Neither is dearer than plain iterations by more than a twentieth, and rubber is far cheaper.
+/// ones. Neither is dearer than plain
+/// iterations by more than a twentieth and the few that a trial takes, and rubber is far cheaper.
 #[test]
 fn acceleration_where_it_pays_costs_no_more_than_plain_iterations() {
     let bars = bars(3, [12, 3, 3], 4.0 / 12.0, 1.75);
@@ -278,7 +279,7 @@ fn acceleration_where_it_pays_costs_no_more_than_plain_iterations() {
         cost::<CombinedResidual>(of(&soft()), a, 1e-6),
         cost::<ForwardResidualZxu>(of(&soft()), a, 1e-6),
     ] {
-        assert!(cost <= 1.05 * 111.0, "{cost}");
+        assert!(cost <= 1.05 * 110.0 + 4.0, "{cost}");
     }
     let rubber = Lame::from_young_poisson(1e7, 0.499).expect("moduli");
     for (cost, accelerated) in [

@@ -140,7 +140,7 @@ fn where_it_pays_is_never_much_dearer_than_plain() {
                 cost::<ForwardResidualZxu>(law, window),
             ];
             for (k, (cost, plain)) in all.into_iter().enumerate() {
-                assert!(cost <= 1.05 * plain + 6.0, "{law:?}, window {window}, carrier {k}: {cost} {plain}");
+                assert!(cost <= 1.05 * plain + 8.0, "{law:?}, window {window}, carrier {k}: {cost} {plain}");
             }
         }
     }
@@ -153,7 +153,7 @@ fn where_it_pays_begins_plainly_and_forgets_with_each_problem() {
     let mut plain = admm(problem(SMOOTH, true));
     let start = plain.x().to_vec();
     for round in 0..2 {
-        for step in 0..10 {
+        for step in 0..20 {
             method.step().expect("a step");
             plain.step().expect("a step");
             assert_eq!(method.x(), plain.x(), "round {round}, step {step}");

@@ -1,13 +1,13 @@
 //! Whether acceleration pays: what it has cost against what it has gained.
 
 /// Iterations that are plain at first, and between the first trials of acceleration.
-const PLAIN: usize = 12;
+const PLAIN: usize = 24;
 /// Times that the wait after a trial that did not pay is doubled, at most.
 const DOUBLINGS: usize = 6;
 /// What acceleration may cost beyond its gain: this part of the cost so far ..
 const PART: f64 = 0.03;
-/// .. and so many plain iterations.
-const GRACE: f64 = 1.0;
+/// .. and so many plain iterations, which the first ones take to show what they are worth: a history has to be gathered.
+const GRACE: f64 = 2.5;
 /// Gains are judged by the best of so many residuals, since those of accelerated points rise and fall.
 const RECENT: usize = 3;
 /// A plain iteration that lowers the logarithm of the residual by less stands still.
@@ -18,7 +18,7 @@ const STILL: f64 = 1e-3;
 ///
 /// Costs are in plain iterations, and counted, never timed: with what plain iterations have shown their rate to be, what
 /// acceleration has cost beyond what plain iterations with the same gain would have is at most 3 % of all the cost so far,
-/// and an iteration besides. The same run makes the same decisions on any machine.
+/// two and a half iterations, and the last one that did not pay. The same run makes the same decisions on any machine.
 #[derive(Clone, Debug)]
 pub struct Account {
     cost: f64, // so far
@@ -137,7 +137,7 @@ mod tests {
                 for price in [1.05, 1.7, 2.7, 6.0] {
                     let account = run(plain, plain.powf(power), price);
                     let (least, cost) = (alone(plain), account.cost());
-                    assert!(cost <= 1.05 * least + 2.0 + price, "{plain} {power} {price}: {cost} {least}");
+                    assert!(cost <= 1.05 * least + 3.0 + price, "{plain} {power} {price}: {cost} {least}");
                     let pays = power > 1.2 * price;
                     if pays && least > 100.0 {
                         // What is left to gain after the first plain iterations is gained.

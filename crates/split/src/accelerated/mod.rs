@@ -268,9 +268,12 @@ impl<C: Carrier> Method for Accelerated<C> {
         let report = if accelerates { self.accelerated_step() } else { self.plain_step() }?;
         if let Some((account, price)) = &mut self.account {
             let cost = if accelerates { price.of::<C>(&report.trial) } else { 1.0 };
-            let square = match C::ORDER {
-                Order::Xzu => report.local.combined(),
-                Order::Zxu => report.local.gap2,
+            let square = match (C::ORDER, report.merit) {
+                // The local step of a carrier that leads is that of the point before.
+                (Order::Xzu, Some(merit)) if C::LEADS => merit,
+                (Order::Xzu, None) if C::LEADS => report.local.gap2_before,
+                (Order::Xzu, _) => report.local.combined(),
+                (Order::Zxu, _) => report.local.gap2,
             };
             account.note(cost, square);
             if account.accelerates() && !accelerates {
