@@ -8,6 +8,7 @@ pub mod obstacle;
 pub mod points;
 pub mod pressure;
 pub mod solid;
+pub mod strain_limit;
 
 /// The guide to contributing, whose new energy is compiled and run as a test.
 #[cfg(doctest)]

@@ -11,7 +11,8 @@
 use crate::balancing::{Balance, Balancing};
 use crate::{
     BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Order,
-    Problem, Residual, Residuals, Reweighting, StepReport, SystemError, Term, Trial, reweight::Settling,
+    Problem, Residual, Residuals, Reweighting, SquaredResiduals, StepReport, SystemError, Term, Trial,
+    reweight::Settling, vector,
 };
 use rayon::prelude::*;
 
@@ -44,11 +45,13 @@ pub struct Admm {
     settings: AdmmSettings,
     problem: Problem,
     normal: NormalMatrix,
-    x: Vec<f64>,      // positions
-    p: Vec<Vec<f64>>, // z - u, what the global step aims at; a vector a term
-    u: Vec<Vec<f64>>, // scaled duals, likewise
-    grad: Vec<f64>,   // gradient over the free nodes: of the global step's objective, or of the problem's
-    moved2: f64,      // sum w^2 |z - z_before|^2 of the last local step
+    x: Vec<f64>,               // positions
+    p: Vec<Vec<f64>>,          // z - u, what the global step aims at; a vector a term
+    u: Vec<Vec<f64>>,          // scaled duals, likewise
+    grad: Vec<f64>,            // gradient over the free nodes: of the global step's objective, or of the problem's
+    moved2: f64,               // sum w^2 |z - z_before|^2 of the last local step
+    last: Option<LocalReport>, // of the last iteration
+    before: Vec<f64>,          // x of the free nodes before the last global step of the z-x-u order; else empty
     cycle: Cycle,
     coupled: Vec<Vec<f64>>, // c(Dx) after the global step of the z-x-u order; else empty
     balancing: Option<Balance>,
@@ -97,6 +100,8 @@ impl Admm {
             u,
             grad,
             moved2,
+            last: None,
+            before: Vec::new(),
             cycle: Cycle::PLAIN,
             coupled: Vec::new(),
             balancing: None,
@@ -236,6 +241,10 @@ impl Admm {
 
     /// The second half: W(10a), and the weights.
     pub(crate) fn global_half(&mut self, local: LocalReport) -> Result<StepReport, SystemError> {
+        if self.cycle.order == Order::Zxu {
+            self.before.clear();
+            self.before.extend_from_slice(&self.x);
+        }
         let mut objective = Objective {
             problem: &mut self.problem,
             p: &self.p,
@@ -245,6 +254,7 @@ impl Admm {
         let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, &mut self.grad)?;
         self.energy = global.energy;
         self.moved2 = local.moved2;
+        self.last = Some(local);
         if self.cycle.order == Order::Zxu {
             self.dual_step();
         }
@@ -348,6 +358,7 @@ impl Admm {
         self.settings.global.reset();
         self.settling = Settling::default();
         self.moved2 = f64::INFINITY;
+        self.last = None;
         self.energy = None;
         self.evaluation = None;
     }
@@ -402,7 +413,39 @@ impl Method for Admm {
             return Err(SystemError::Stalled(format!("a start of {got} numbers for a problem of {want}")));
         }
         self.restart_with(x, keeps_duals, change);
+        self.iteration = 0;
+        if let Some(balance) = &mut self.balancing {
+            balance.restart();
+        }
         self.problem.check().map_err(|e| SystemError::Factor(e.to_string()))
+    }
+
+    fn refactor(&mut self) -> Result<(), SystemError> {
+        self.settings.global.reset();
+        self.normal.refactor(&self.problem)
+    }
+
+    fn squared_residuals(&mut self) -> Option<SquaredResiduals> {
+        let last = self.last?;
+        if self.cycle.order == Order::Xzu {
+            return Some(SquaredResiduals { forward: self.forward_residual()?, combined: last.combined() });
+        }
+        let (mut now, mut then) = (Vec::new(), Vec::new());
+        let (mut weights, mut moved2) = (Vec::new(), 0.0);
+        for term in &mut self.problem.terms {
+            for of in [&mut now, &mut then, &mut weights] {
+                of.resize(term.local_len(), 0.0);
+            }
+            term.couple(&self.x, &mut now);
+            term.couple(&self.before, &mut then);
+            term.local_weights2(&mut weights);
+            for (w, (now, then)) in weights.iter_mut().zip(now.iter_mut().zip(&then)) {
+                *now -= then;
+                *w *= *now;
+            }
+            moved2 += vector::dot(&weights, &now);
+        }
+        Some(SquaredResiduals { forward: last.gap2, combined: self.forward_residual()? + moved2 })
     }
 
     fn factor_bytes(&self) -> u64 {

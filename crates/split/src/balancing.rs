@@ -38,6 +38,12 @@ impl Balance {
         Balance { settings, mu: 1.0, waited: 0, changes: 0 }
     }
 
+    /// Begins anew: what was changed is the base from now on.
+    pub fn restart(&mut self) {
+        self.waited = 0;
+        self.changes = 0;
+    }
+
     /// Takes the squares of the residuals |W(c(Dx) - z)| and |W(z - z_before)|; the new penalty, if there is one.
     pub fn next(&mut self, primal2: f64, dual2: f64) -> Option<f64> {
         let Balancing { ratio, factor, every, most } = self.settings;

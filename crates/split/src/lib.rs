@@ -48,8 +48,9 @@ mod untangle;
 pub mod vector;
 
 pub use accelerated::{
-    Accelerated, Acceleration, Algorithm, BuildError, Carrier, CombinedResidual, CombinedResidualZxu, DualAlone,
-    Envelope, Extrapolated, Extrapolation, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Merit, Sense,
+    Accelerated, Acceleration, Account, Algorithm, BuildError, Carrier, CombinedResidual, CombinedResidualZxu,
+    DualAlone, Envelope, Extrapolated, Extrapolation, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Merit,
+    Sense,
 };
 pub use accelerator::{Accelerator, Anderson, Iterate, Kind, Momentum, Proposal, Unaccelerated};
 pub use admm::{Admm, AdmmSettings};
@@ -66,7 +67,7 @@ pub use guard::InversionGuard;
 pub use inertia::Inertia;
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
 pub use line_search::{Backtracking, Landing, Ray};
-pub use method::{Evaluation, Method, Residuals, StepReport, Trial, normalized};
+pub use method::{Evaluation, Method, Residuals, SquaredResiduals, StepReport, Trial, normalized};
 pub use newton::{
     Cg, CgEnd, CgReport, FactorCost, Found, Hessian, LinearSolver, Newton, NewtonSettings, ProjectionRule, Search,
 };

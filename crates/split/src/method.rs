@@ -63,6 +63,17 @@ pub struct Residuals {
     pub dual: f64,
 }
 
+/// The residuals of A as squares, |W ..|^2 with the penalty in the weights; [`normalized`] makes those of A(27) of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SquaredResiduals {
+    /// The forward residual. x-z-u: |W(c(Dx) - z)|^2 of x and the z that it follows, A(22). z-x-u: of the last z and the x
+    /// that it follows, A(24): the point that the last iteration began with.
+    pub forward: f64,
+    /// The combined residual of the last iteration. x-z-u: |W(c(Dx) - z)|^2 + |W(z - z_before)|^2 of its local step, A(11).
+    /// z-x-u: |W(c(Dx) - z)|^2 + |W(c(Dx) - c(Dx_before))|^2, A(12).
+    pub combined: f64,
+}
+
 /// sqrt(r / (N_z a^2)), A(27), of a squared residual r: N_z = [`Problem::local_dim`], a the typical size of the variables,
 /// for meshes the mean edge of the body at rest.
 pub fn normalized(square: f64, local_dim: usize, a: f64) -> f64 {
@@ -119,15 +130,29 @@ pub trait Method: Send {
         None
     }
 
+    /// Both residuals of A after a step, worked out when asked for. None where there is no z, and before the first step.
+    fn squared_residuals(&mut self) -> Option<SquaredResiduals> {
+        None
+    }
+
     /// Begins a problem that differs from the one before in its start x and in what `change` does, which must leave the
-    /// normal matrix as it is: targets, loads, right-hand sides. The next step in time is one. z = c(Dx); u is kept, or
-    /// 0. Histories are dropped.
+    /// normal matrix as it is: targets, loads, right-hand sides, sets that have moved, terms made anew. The next step in time
+    /// is one. z = c(Dx); u is kept, or 0. Histories are dropped, and iterations are counted from 0. Where weights or the
+    /// stiffness of inertia do change, [`Method::refactor`] is to follow.
     ///
     /// # Errors
     /// A method that cannot, a start that does not fit.
     fn begin(&mut self, x: &[f64], keeps_duals: bool, change: &mut dyn FnMut(&mut Problem)) -> Result<(), SystemError> {
         let _ = (x, keeps_duals, change);
         Err(SystemError::Stalled(format!("{} cannot begin another problem on its matrices", self.name())))
+    }
+
+    /// New numbers in the normal matrix, after a [`Method::begin`] whose change it shows in. Its analysis stays.
+    ///
+    /// # Errors
+    /// A method that cannot, a singular system.
+    fn refactor(&mut self) -> Result<(), SystemError> {
+        Err(SystemError::Stalled(format!("{} cannot take new weights", self.name())))
     }
 
     /// The gradient of f(x) + 1/2 sum w^2 |c(Dx) - p|^2 over all nodes, fixed ones included: where z has converged, that of

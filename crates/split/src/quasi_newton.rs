@@ -200,6 +200,31 @@ impl Method for QuasiNewton {
         true
     }
 
+    fn begin(&mut self, x: &[f64], _: bool, change: &mut dyn FnMut(&mut Problem)) -> Result<(), SystemError> {
+        if x.len() != self.x.len() {
+            let (got, want) = (x.len(), self.x.len());
+            return Err(SystemError::Stalled(format!("a start of {got} numbers for a problem of {want}")));
+        }
+        change(&mut self.problem);
+        self.problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
+        self.x.copy_from_slice(x);
+        self.trial.copy_from_slice(x);
+        self.pairs.clear();
+        self.guard = self.settings.guarded.then(|| InversionGuard::new(&self.problem));
+        self.energy = self.problem.energy(&self.x, Some(&mut self.g));
+        self.iteration = 0;
+        Ok(())
+    }
+
+    fn refactor(&mut self) -> Result<(), SystemError> {
+        self.pairs.clear();
+        self.normal.refactor(&self.problem)?;
+        if let Some(blend) = &mut self.blend {
+            *blend = Blend::new(&self.problem, &self.normal)?;
+        }
+        Ok(())
+    }
+
     fn factor_bytes(&self) -> u64 {
         self.normal.factor_bytes()
     }

@@ -32,8 +32,9 @@ mod world;
 pub use folder::{Folder, Ledger};
 pub use record::{Frame, FrameRecord};
 pub use scene::{
-    BodySpec, DampingSpec, ForceSpec, Generate, Integrator, MotionKey, ObstacleSpec, OutputSpec, PinSpec, Scene,
-    SceneFile, ShapeSpec, SolverSpec, Split, TimeSpec, WindLaw, WindSpec, schema,
+    AccelerateName, AlgorithmName, BodySpec, DampingSpec, ExtrapolationName, ForceSpec, Generate, HistoryName,
+    Integrator, MotionKey, ObstacleSpec, OutputSpec, PinSpec, Scene, SceneFile, ShapeSpec, SolverSpec, Split, TimeSpec,
+    WindLaw, WindSpec, schema,
 };
 pub use simulation::Simulation;
 pub use state::State;

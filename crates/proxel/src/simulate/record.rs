@@ -27,9 +27,10 @@ pub struct FrameRecord {
     pub iterations: usize,
     /// Those that were refused.
     pub rejected: usize,
-    /// |W(c(Dx) - z)| / |W z| at the end of the last step; none where nothing was split.
+    /// The forward residual of the last step, normalised by A(27): the root of A(22), or A(24) in the z-x-u order, over
+    /// sqrt(N_z) times the mean edge at rest, the penalty mu being in the weights. None where nothing was split.
     pub forward: Option<f64>,
-    /// The same with |W(z - z_before)|: the root of the sum of both squares.
+    /// The combined residual A(11), or A(12), likewise.
     pub combined: Option<f64>,
     /// How far stretches are beyond hard limits, at most.
     pub max_strain_violation: f64,

@@ -13,7 +13,7 @@ use crate::deform::pool;
 use crate::preview::Image;
 use crate::settings::DeformSettings;
 use proxel_model::contact::Contacts;
-use proxel_split::{Residuals, Status, VIOLATION};
+use proxel_split::{SquaredResiduals, Status, VIOLATION, normalized};
 use std::time::Instant;
 
 type V3 = [f64; 3];
@@ -54,7 +54,7 @@ struct Tally {
     iterations: usize,
     rejected: usize,
     worst: Option<(Status, String)>,
-    residuals: Option<Residuals>,
+    residuals: Option<(f64, f64)>, // forward and combined, A(27), of the last step
     gradient: Option<f64>,
     off_contact: Option<f64>,
     bound: f64,
@@ -88,7 +88,8 @@ impl Simulation {
             let settings = world.bodies.first().map(|b| b.settings.clone()).unwrap_or_default();
             let tau = scene.time.dt / scene.time.substeps as f64;
             let inertia = stiffness(tau, scene.damping.mass);
-            let engine = Engine::new(&world, settings, scene.damping.stiffness > 0.0, inertia)?;
+            let damped = scene.damping.stiffness > 0.0;
+            let engine = Engine::new(&world, settings, &scene.solver, damped, inertia)?;
             Ok((world, engine))
         })?;
         let state = State { x: world.start.clone(), v: world.velocity.clone(), ..State::default() };
@@ -193,8 +194,8 @@ impl Simulation {
             record.iterations = tally.iterations;
             record.rejected = tally.rejected;
             let finite = |v: f64| v.is_finite().then_some(v);
-            record.forward = tally.residuals.and_then(|r| finite(r.primal));
-            record.combined = tally.residuals.and_then(|r| finite(r.primal.hypot(r.dual)));
+            record.forward = tally.residuals.and_then(|(forward, _)| finite(forward));
+            record.combined = tally.residuals.and_then(|(_, combined)| finite(combined));
             record.gradient = tally.gradient.and_then(finite);
             record.gradient_off_contact = tally.off_contact.and_then(finite);
             record.gradient_bound = tally.bound;
@@ -239,7 +240,8 @@ impl Simulation {
 
     /// A picture of bodies and of obstacles that have an end.
     pub fn preview(&self) -> Image {
-        self.pool.install(|| picture::image(&self.world, &self.state.x, self.time()))
+        let (world, x, time) = (&self.world, &self.state.x, self.time());
+        self.pool.install(|| picture::image(world, x, time))
     }
 
     fn time(&self) -> f64 {
@@ -295,7 +297,10 @@ impl Stepper<'_> {
             }
         }
         tally.note(status, &reason);
-        tally.residuals = Some(solved.residuals);
+        tally.residuals = solved.residuals.map(|SquaredResiduals { forward, combined }| {
+            let of = |square| normalized(square, solved.local_dim, self.engine.mean_edge());
+            (of(forward), of(combined))
+        });
         tally.gradient = solved.gradient;
         tally.off_contact = solved.gradient.map(|_| self.engine.gradient_off_contact(&self.state.x, &solved.contacts));
         tally.bound = solved.bound;
@@ -306,7 +311,7 @@ impl Stepper<'_> {
     fn solve(&mut self, (from, to, h): (f64, f64, f64), stops: &mut Stops<'_>) -> Result<Solved, SimulateError> {
         let (world, scene) = (self.world, self.scene);
         let n = 3 * world.n_free;
-        let State { x, v, before, known, .. } = &self.state;
+        let State { x, v, before, known, stresses, .. } = &self.state;
         // With w the ratio of this step to the last: x' = a x - b x_before + beta h v'; w = 0 is implicit Euler.
         let two_step = before.as_ref().filter(|_| scene.time.integrator == Integrator::Bdf2);
         let w = two_step.map_or(0.0, |(_, _, last)| h / last);
@@ -333,21 +338,29 @@ impl Stepper<'_> {
             true => Some(stiffness_damping(world, self.engine, scene.damping.stiffness, (x, &start), &anchor, tau)),
             false => None,
         };
-        let task =
-            Task { x: &start, target: &target, inertia: stiffness(tau, damping), damping: stiff, walls: &walls, known };
+        let task = Task {
+            x: &start,
+            target: &target,
+            inertia: stiffness(tau, damping),
+            damping: stiff,
+            walls: &walls,
+            known,
+            stresses,
+        };
         let mut solved = self.engine.solve(world, &task, stops)?;
         self.center(&mut solved, &target);
         // Held nodes are where they are, free ones have the velocity of the integrator.
         let mut velocity: Vec<f64> = (0..x.len()).map(|i| (solved.x[i] - x[i]) / h).collect();
         (0..n).for_each(|i| velocity[i] = (solved.x[i] - anchor[i]) / tau);
         let reaction = self.reaction(&solved.x);
-        let State { x, v, before, known, .. } = &mut self.state;
+        let State { x, v, before, known, stresses, .. } = &mut self.state;
         if scene.time.integrator == Integrator::Bdf2 {
             *before = Some((std::mem::take(x), std::mem::take(v), h));
         }
         *x = std::mem::take(&mut solved.x);
         *v = velocity;
         *known = std::mem::take(&mut solved.known);
+        *stresses = std::mem::take(&mut solved.stresses);
         self.last = Some(Last { contacts: solved.contacts.clone(), reaction });
         Ok(solved)
     }
@@ -356,7 +369,7 @@ impl Stepper<'_> {
     /// of mass, since elastic forces add up to zero. What a minimiser leaves undone, or rounding, then changes no momentum.
     fn center(&self, solved: &mut Solved, target: &[f64]) {
         let world = self.world;
-        if self.engine.has_wall_term(world) {
+        if self.engine.has_wall_term() {
             return;
         }
         let mut touched = vec![false; world.n()];
@@ -386,6 +399,7 @@ impl Stepper<'_> {
     fn reaction(&mut self, x: &[f64]) -> Vec<f64> {
         let world = self.world;
         let mut grad = elastic(world, self.engine, x).1;
+        self.engine.add_forces_of_limits(x, &mut grad);
         grad[..3 * world.n_free].fill(0.0);
         for i in world.n_free..world.n() {
             for d in 0..3 {
@@ -426,7 +440,7 @@ fn stiffness_damping(
 /// The energy of elements and of bending, and its gradient over all nodes.
 fn elastic(world: &World, engine: &mut Engine, x: &[f64]) -> (f64, Vec<f64>) {
     let mut grad = vec![0.0; x.len()];
-    let mut value: f64 = engine.elements(world).iter_mut().map(|t| t.energy(x, Some(&mut grad)).value).sum();
+    let mut value: f64 = engine.elements().iter_mut().map(|t| t.energy(x, Some(&mut grad)).value).sum();
     value += world.form.value_and_gradient(x, 3, Some(&mut grad));
     (value, grad)
 }
@@ -457,9 +471,9 @@ fn measure(scene: &Scene, world: &World, engine: &mut Engine, state: &State) -> 
         potential,
         momentum: p,
         angular_momentum: l,
-        max_strain_violation: engine.strain_violation(world, x),
+        max_strain_violation: engine.strain_violation(x),
         max_penetration: depth,
-        inverted: engine.elements(world).iter_mut().map(|term| term.energy(x, None).inverted).sum(),
+        inverted: engine.elements().iter_mut().map(|term| term.energy(x, None).inverted).sum(),
         ..FrameRecord::default()
     }
 }

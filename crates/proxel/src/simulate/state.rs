@@ -14,10 +14,12 @@ pub struct State {
     pub(super) before: Option<(Vec<f64>, Vec<f64>, f64)>,
     /// Forces between points and walls.
     pub(super) known: Known,
+    /// Stresses that hold elements within hard limits, as [`proxel_model::strain_limit::StrainLimits::multipliers`].
+    pub(super) stresses: Vec<f64>,
 }
 
 /// What the bytes begin with: the format and its version.
-const MAGIC: &[u8; 8] = b"PXLSIM1\n";
+const MAGIC: &[u8; 8] = b"PXLSIM2\n";
 
 impl State {
     /// Frames done.
@@ -35,7 +37,8 @@ impl State {
         number(xs.len() as u64);
         number(h.to_bits());
         number(self.known.len() as u64);
-        [&self.x[..], &self.v, xs, vs].into_iter().flatten().for_each(|v| number(v.to_bits()));
+        number(self.stresses.len() as u64);
+        [&self.x[..], &self.v, xs, vs, &self.stresses].into_iter().flatten().for_each(|v| number(v.to_bits()));
         for ((point, wall), force) in &self.known {
             number(u64::from(*point) << 32 | u64::from(*wall));
             number(force.to_bits());
@@ -59,20 +62,22 @@ impl State {
         let m = usize::try_from(words.next()?).ok()?;
         let h = f64::from_bits(words.next()?);
         let k = usize::try_from(words.next()?).ok()?;
+        let s = usize::try_from(words.next()?).ok()?;
         // What is left tells whether the counts are true, before memory is taken for them.
-        let wanted = n.checked_mul(2)?.checked_add(m.checked_mul(2)?)?.checked_add(k.checked_mul(2)?)?;
+        let wanted =
+            n.checked_mul(2)?.checked_add(m.checked_mul(2)?)?.checked_add(k.checked_mul(2)?)?.checked_add(s)?;
         if words.len() != wanted || (m != 0 && m != n) {
             return None;
         }
         let mut take = |n: usize| -> Vec<f64> { words.by_ref().take(n).map(f64::from_bits).collect() };
-        let (x, v, xs, vs) = (take(n), take(n), take(m), take(m));
+        let (x, v, xs, vs, stresses) = (take(n), take(n), take(m), take(m), take(s));
         let mut known = Known::new();
         for _ in 0..k {
             let who = words.next()?;
             known.insert(((who >> 32) as u32, who as u32), f64::from_bits(words.next()?));
         }
         let before = (m > 0).then_some((xs, vs, h));
-        Some(State { frame, x, v, before, known })
+        Some(State { frame, x, v, before, known, stresses })
     }
 }
 
@@ -93,6 +98,7 @@ mod tests {
             v: vec![1e300, 2.0, -3.5],
             before: Some((vec![1.0, 2.0, 3.0], vec![4.0, 5.0, 6.0], 0.1)),
             known: Known::from([((3, 0), 0.25), ((9, 2), 1e-20)]),
+            stresses: vec![0.5, -0.0],
         };
         let bytes = state.to_bytes();
         assert_eq!(State::from_bytes(&bytes), Some(state.clone()));

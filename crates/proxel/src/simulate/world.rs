@@ -10,6 +10,7 @@ use proxel_mesh::topology::{self, boundary_surface};
 use proxel_model::elements::morton;
 use proxel_model::points::Points;
 use proxel_model::solid::Solid;
+use proxel_model::strain_limit::LimitedElements;
 use proxel_split::{SymmetricForm, Term, VIOLATION};
 use std::sync::Arc;
 
@@ -47,6 +48,17 @@ pub(super) struct Terms {
     pub terms: Vec<Box<dyn Term>>,
     /// Whether the energy of each forbids inversion.
     pub barriers: Vec<bool>,
+    /// Hard limits of the stretches of each, whether they are its sets or not.
+    pub limits: Vec<Option<[f64; 2]>>,
+}
+
+/// What becomes of hard limits in terms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Hold {
+    /// They are sets that a splitting holds.
+    AsSets,
+    /// Something else holds them.
+    Not,
 }
 
 /// Points of the surfaces of bodies.
@@ -311,19 +323,78 @@ impl World {
     ///
     /// # Errors
     /// Elements or materials that cannot be used.
-    pub fn terms(&self) -> Result<Terms, DeformError> {
-        let (mut terms, mut barriers) = (Vec::new(), Vec::new());
+    pub fn terms(&self, hold: Hold) -> Result<Terms, DeformError> {
+        let (mut terms, mut barriers, mut limits) = (Vec::new(), Vec::new(), Vec::new());
         for body in &self.bodies {
+            let mut free;
+            let settings = match hold {
+                Hold::AsSets => &body.settings,
+                Hold::Not => {
+                    free = body.settings.clone();
+                    free.strain_limit = None;
+                    &free
+                }
+            };
             for cells in &body.cells {
                 for (material, chosen) in cells.by_material(body.element_mesh(), &body.settings) {
-                    let Body { number, settings, mesh, .. } = body;
+                    let Body { number, mesh, .. } = body;
                     let built = build(cells, &chosen, body.fill(), number, &self.rest, material, settings, &mesh.name)?;
                     terms.push(built.term);
-                    barriers.push(built.barrier);
+                    // What is turned inside out is beyond any limit.
+                    let solid = matches!(cells, Cells::Tets(_));
+                    barriers.push(built.barrier || (solid && body.settings.strain_limit.is_some()));
+                    limits.push(body.settings.strain_limit);
                 }
             }
         }
-        Ok(Terms { terms, barriers })
+        Ok(Terms { terms, barriers, limits })
+    }
+
+    /// The elements that have hard limits, over the numbers of nodes.
+    ///
+    /// # Errors
+    /// Elements that cannot be used.
+    pub fn limited(&self) -> Result<LimitedElements, DeformError> {
+        let mut limited = LimitedElements::default();
+        for body in &self.bodies {
+            let Some(limits) = body.settings.strain_limit else { continue };
+            for cells in &body.cells {
+                let renumbered = cells.renumbered(&body.number);
+                let corners = renumbered.corners();
+                let added = match cells {
+                    Cells::Tets(_) => limited.add::<3>(&self.rest, corners, body.fill(), limits),
+                    Cells::Triangles(_) => limited.add::<2>(&self.rest, corners, None, limits),
+                    Cells::Springs(_) => limited.add::<1>(&self.rest, corners, None, limits),
+                };
+                added.map_err(|e| DeformError(format!("{}: {e}", body.mesh.name)))?;
+            }
+        }
+        Ok(limited)
+    }
+
+    /// The mean length at rest of the edges of all elements, each edge of a body once: a of A(27).
+    pub fn mean_edge(&self) -> f64 {
+        let (mut sum, mut count) = (0.0, 0usize);
+        for body in &self.bodies {
+            let points = &body.element_mesh().points;
+            let mut edges: Vec<[u32; 2]> = Vec::new();
+            for cells in &body.cells {
+                for element in cells.corners().chunks_exact(cells.size()) {
+                    for (k, a) in element.iter().enumerate() {
+                        edges.extend(element[..k].iter().map(|b| [*a.min(b), *a.max(b)]));
+                    }
+                }
+            }
+            edges.sort_unstable();
+            edges.dedup();
+            let length = |[a, b]: &[u32; 2]| {
+                let (a, b) = (points[*a as usize], points[*b as usize]);
+                (0..3).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>().sqrt()
+            };
+            sum += edges.iter().map(length).sum::<f64>();
+            count += edges.len();
+        }
+        sum / count.max(1) as f64
     }
 
     /// Where held nodes are at a time, written into positions.

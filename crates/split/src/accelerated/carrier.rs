@@ -7,6 +7,9 @@ use rayon::prelude::*;
 /// Numbers handled by one task.
 pub(super) const CHUNK: usize = 8192;
 
+/// A pass that takes c(Dx) but no prox, in local steps.
+pub(super) const COUPLE: f64 = 0.2;
+
 /// What a proposed point is made of; what else it needs is worked out from that.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extrapolated {
@@ -35,6 +38,12 @@ pub trait Carrier: Send + Sized {
     const SETTLES: usize = 0;
     /// Whether a merit is known only when weights may have changed.
     const LATE: bool = false;
+    /// What judging a point costs, in local steps.
+    const SENSING: f64 = 0.0;
+    /// What an accelerated point costs besides its history, in local steps.
+    const OVERHEAD: f64 = 0.0;
+    /// What a rejected point costs: local and global steps.
+    const REFUSAL: (f64, f64);
     /// Whether the authors' implementation keeps the history when a point is rejected.
     const KEEPS_HISTORY: bool;
 

@@ -1,6 +1,6 @@
 //! The Douglas-Rachford envelope.
 
-use super::carrier::{CHUNK, Carrier, Extrapolated, Sense, check_order, coupled, of_sense};
+use super::carrier::{CHUNK, COUPLE, Carrier, Extrapolated, Sense, check_order, coupled, of_sense};
 use super::{BuildError, Merit};
 use crate::{Admm, LocalReport, Order, Problem, vector};
 use rayon::prelude::*;
@@ -26,6 +26,8 @@ impl Carrier for Envelope {
     const ORDER: Order = Order::Xzu;
     const EXTRAPOLATED: Extrapolated = Extrapolated::PositionsAndDual;
     const LATE: bool = true;
+    const SENSING: f64 = 1.5 * COUPLE;
+    const REFUSAL: (f64, f64) = (1.0 + COUPLE, 1.0);
     const KEEPS_HISTORY: bool = true;
 
     /// Hard sets are no obstacle: z follows from s by the prox.

@@ -14,16 +14,22 @@
 //! coupling, so it accelerates R-ADMM and WRAPD too.
 
 use crate::accelerator::{Accelerator, Iterate, Proposal};
-use crate::{Admm, EnergyReport, Evaluation, LocalReport, Method, Problem, Residuals, StepReport, SystemError, Trial};
+use crate::{
+    Admm, EnergyReport, Evaluation, LocalReport, Method, Order, Problem, Residuals, SquaredResiduals, StepReport,
+    SystemError, Trial,
+};
 
+mod account;
 mod carrier;
 mod envelope;
 mod error;
 mod packed;
 mod pair;
+mod price;
 mod settings;
 mod single;
 
+pub use account::Account;
 pub use carrier::{Carrier, Extrapolated, Sense};
 pub use envelope::Envelope;
 pub use error::BuildError;
@@ -32,6 +38,7 @@ pub use settings::{Acceleration, Algorithm, Extrapolation};
 pub use single::{DualAlone, ForwardResidual, ForwardResidualZxu, LocalAlone};
 
 use packed::Packed;
+use price::IterationPrice;
 
 /// Values of a merit that differ by less than this part of themselves are equal but for rounding.
 const ROUNDING: f64 = 1e-14;
@@ -89,6 +96,7 @@ pub struct Accelerated<C> {
     extrapolated: bool,   // whether the point at hand is a proposal
     merit: Option<Merit>, // of the last accepted; none where the next is taken whatever its merit
     iteration: usize,
+    account: Option<(Account, IterationPrice)>, // where acceleration has to pay
 }
 
 impl<C: Carrier> Accelerated<C> {
@@ -118,7 +126,33 @@ impl<C: Carrier> Accelerated<C> {
             cycles: 0,
             extrapolated: false,
             merit: None,
+            account: None,
         })
+    }
+
+    /// Accelerates only where it pays, as an [`Account`] of counted costs finds out; `columns` are those of the accelerator's
+    /// history. Otherwise the iteration is run as it is, at no other cost.
+    #[must_use]
+    pub fn where_it_pays(mut self, columns: usize) -> Self {
+        let (sensed, values) = (self.carrier.sense().before.len(), self.point.len());
+        let price = IterationPrice::new(&self.admm, sensed, values, columns);
+        self.account = Some((Account::default(), price));
+        self
+    }
+
+    /// What it has cost and gained, where that decides.
+    pub fn account(&self) -> Option<&Account> {
+        self.account.as_ref().map(|(account, _)| account)
+    }
+
+    /// An iteration as it is.
+    fn plain_step(&mut self) -> Result<StepReport, SystemError> {
+        let report = self.admm.step()?;
+        self.iteration += 1;
+        if report.refactorised {
+            self.carrier.sense_mut().reweigh(self.admm.problem());
+        }
+        Ok(report)
     }
 
     /// The plain iteration inside.
@@ -230,20 +264,23 @@ impl<C: Carrier> Method for Accelerated<C> {
     }
 
     fn step(&mut self) -> Result<StepReport, SystemError> {
-        let mut trial = Trial::default();
-        let (report, merit) = if C::LEADS { self.led_cycle(&mut trial) } else { self.cycle(&mut trial) }?;
-        self.iteration += 1;
-        self.admm.set_iteration(self.iteration);
-        self.cycles += 1;
-        self.merit = merit;
-        trial.accelerated = self.extrapolated;
-        if report.refactorised {
-            // Under other weights u is another variable, and merits measure something else.
-            self.carrier.sense_mut().reweigh(self.admm.problem());
-            self.forget();
-            trial.reset = true;
+        let accelerates = self.account.as_ref().is_none_or(|(account, _)| account.accelerates());
+        let report = if accelerates { self.accelerated_step() } else { self.plain_step() }?;
+        if let Some((account, price)) = &mut self.account {
+            let cost = if accelerates { price.of::<C>(&report.trial) } else { 1.0 };
+            let square = match (C::ORDER, report.merit) {
+                // The local step of a carrier that leads is that of the point before.
+                (Order::Xzu, Some(merit)) if C::LEADS => merit,
+                (Order::Xzu, None) if C::LEADS => report.local.gap2_before,
+                (Order::Xzu, _) => report.local.combined(),
+                (Order::Zxu, _) => report.local.gap2,
+            };
+            account.note(cost, square);
+            if account.accelerates() && !accelerates {
+                self.forget();
+            }
         }
-        Ok(StepReport { iteration: self.iteration, merit: merit.map(|merit| merit.value), trial, ..report })
+        Ok(report)
     }
 
     fn x(&self) -> &[f64] {
@@ -274,7 +311,20 @@ impl<C: Carrier> Method for Accelerated<C> {
         self.admm.begin(x, keeps_duals, change)?;
         self.iteration = self.admm.iterations();
         self.forget();
+        if let Some((account, _)) = &mut self.account {
+            *account = Account::default();
+        }
         Ok(())
+    }
+
+    fn refactor(&mut self) -> Result<(), SystemError> {
+        self.carrier.sense_mut().reweigh(self.admm.problem());
+        self.forget();
+        self.admm.refactor()
+    }
+
+    fn squared_residuals(&mut self) -> Option<SquaredResiduals> {
+        self.admm.squared_residuals()
     }
 
     fn factor_bytes(&self) -> u64 {
@@ -295,6 +345,23 @@ impl<C: Carrier> Method for Accelerated<C> {
 }
 
 impl<C: Carrier> Accelerated<C> {
+    fn accelerated_step(&mut self) -> Result<StepReport, SystemError> {
+        let mut trial = Trial::default();
+        let (report, merit) = if C::LEADS { self.led_cycle(&mut trial) } else { self.cycle(&mut trial) }?;
+        self.iteration += 1;
+        self.admm.set_iteration(self.iteration);
+        self.cycles += 1;
+        self.merit = merit;
+        trial.accelerated = self.extrapolated;
+        if report.refactorised {
+            // Under other weights u is another variable, and merits measure something else.
+            self.carrier.sense_mut().reweigh(self.admm.problem());
+            self.forget();
+            trial.reset = true;
+        }
+        Ok(StepReport { iteration: self.iteration, merit: merit.map(|merit| merit.value), trial, ..report })
+    }
+
     /// The next point is taken whatever its merit, and nothing is known of those before.
     fn forget(&mut self) {
         self.accelerator.reset();

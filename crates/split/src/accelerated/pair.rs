@@ -1,6 +1,6 @@
 //! Both variables: A, Algorithms 1 and 2.
 
-use super::carrier::{Carrier, Extrapolated, Sense, check_order, check_sets, coupled, of_sense, scaled};
+use super::carrier::{COUPLE, Carrier, Extrapolated, Sense, check_order, check_sets, coupled, of_sense, scaled};
 use super::{BuildError, Merit};
 use crate::{Admm, LocalReport, Order, Problem};
 
@@ -21,6 +21,7 @@ impl Carrier for CombinedResidual {
     const NAME: &'static str = "algorithm 1";
     const ORDER: Order = Order::Xzu;
     const EXTRAPOLATED: Extrapolated = Extrapolated::All;
+    const REFUSAL: (f64, f64) = (1.0, 0.0);
     const KEEPS_HISTORY: bool = false;
 
     fn check(admm: &Admm) -> Result<(), BuildError> {
@@ -77,6 +78,8 @@ impl Carrier for CombinedResidualZxu {
     const ORDER: Order = Order::Zxu;
     const EXTRAPOLATED: Extrapolated = Extrapolated::PositionsAndDual;
     const LATE: bool = true;
+    const SENSING: f64 = 2.0 * COUPLE;
+    const REFUSAL: (f64, f64) = (1.0 + COUPLE, 1.0);
     const KEEPS_HISTORY: bool = false;
 
     fn check(admm: &Admm) -> Result<(), BuildError> {

@@ -1,7 +1,7 @@
 //! From a description to a method.
 
 use super::{
-    Accelerated, BuildError, CombinedResidual, CombinedResidualZxu, DualAlone, Envelope, ForwardResidual,
+    Accelerated, BuildError, Carrier, CombinedResidual, CombinedResidualZxu, DualAlone, Envelope, ForwardResidual,
     ForwardResidualZxu, History, LocalAlone,
 };
 use crate::accelerator::{Accelerator, Anderson, Kind, Momentum, Unaccelerated};
@@ -80,6 +80,15 @@ impl Extrapolation {
         Extrapolation::Anderson { window, mixing: 1.0, kind: Kind::Two }
     }
 
+    /// Columns of its history.
+    fn columns(self) -> usize {
+        match self {
+            Extrapolation::Anderson { window, .. } => window,
+            Extrapolation::Momentum { .. } => 1,
+            Extrapolation::None => 0,
+        }
+    }
+
     fn accelerator(self) -> Result<Box<dyn Accelerator>, BuildError> {
         Ok(match self {
             Extrapolation::Anderson { mixing, .. } if !(mixing > 0.0 && mixing <= 1.0) => {
@@ -115,22 +124,53 @@ impl Acceleration {
         Acceleration { algorithm, by: Extrapolation::anderson(window), history: History::AsPublished }
     }
 
+    /// As [`Self::of`], where it pays: see [`super::Account`].
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn where_it_pays(&self, admm: Admm) -> Result<Box<dyn Method>, BuildError> {
+        self.build(admm, true)
+    }
+
     /// The iteration, in the order of the algorithm, accelerated.
     ///
     /// # Errors
     /// An algorithm whose conditions the problem does not meet, a number that makes no sense.
     pub fn of(&self, admm: Admm) -> Result<Box<dyn Method>, BuildError> {
+        self.build(admm, false)
+    }
+
+    fn build(&self, admm: Admm, pays: bool) -> Result<Box<dyn Method>, BuildError> {
         let cycle = Cycle { order: self.algorithm.order(), ..admm.cycle() };
         let admm = admm.with_cycle(cycle)?;
-        let (by, history) = (self.by.accelerator()?, self.history);
-        Ok(match self.algorithm {
-            Algorithm::One => Box::new(Accelerated::<CombinedResidual>::new(admm, by, history)?),
-            Algorithm::Two => Box::new(Accelerated::<CombinedResidualZxu>::new(admm, by, history)?),
-            Algorithm::Three => Box::new(Accelerated::<ForwardResidual>::new(admm, by, history)?),
-            Algorithm::Four => Box::new(Accelerated::<ForwardResidualZxu>::new(admm, by, history)?),
-            Algorithm::LocalAlone => Box::new(Accelerated::<LocalAlone>::new(admm, by, history)?),
-            Algorithm::DualAlone => Box::new(Accelerated::<DualAlone>::new(admm, by, history)?),
-            Algorithm::Envelope => Box::new(Accelerated::<Envelope>::new(admm, by, history)?),
+        let columns = pays.then(|| self.by.columns());
+        let parts = Parts { admm, by: self.by.accelerator()?, history: self.history, columns };
+        match self.algorithm {
+            Algorithm::One => parts.assemble::<CombinedResidual>(),
+            Algorithm::Two => parts.assemble::<CombinedResidualZxu>(),
+            Algorithm::Three => parts.assemble::<ForwardResidual>(),
+            Algorithm::Four => parts.assemble::<ForwardResidualZxu>(),
+            Algorithm::LocalAlone => parts.assemble::<LocalAlone>(),
+            Algorithm::DualAlone => parts.assemble::<DualAlone>(),
+            Algorithm::Envelope => parts.assemble::<Envelope>(),
+        }
+    }
+}
+
+/// What a method is made of.
+struct Parts {
+    admm: Admm,
+    by: Box<dyn Accelerator>,
+    history: History,
+    columns: Option<usize>, // of the history, where acceleration has to pay
+}
+
+impl Parts {
+    fn assemble<C: Carrier + 'static>(self) -> Result<Box<dyn Method>, BuildError> {
+        let method = Accelerated::<C>::new(self.admm, self.by, self.history)?;
+        Ok(match self.columns {
+            Some(columns) => Box::new(method.where_it_pays(columns)),
+            None => Box::new(method),
         })
     }
 }

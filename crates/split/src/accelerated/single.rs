@@ -1,6 +1,8 @@
 //! One variable alone: A, Algorithms 3 and 4, and appendix E.
 
-use super::carrier::{Carrier, Extrapolated, Sense, check_duals, check_exact, check_order, check_sets, of_sense};
+use super::carrier::{
+    COUPLE, Carrier, Extrapolated, Sense, check_duals, check_exact, check_order, check_sets, of_sense,
+};
 use super::{BuildError, Merit};
 use crate::{Admm, DualMap, LocalReport, Order, Problem, Residual};
 
@@ -16,6 +18,10 @@ impl Carrier for ForwardResidual {
     const EXTRAPOLATED: Extrapolated = Extrapolated::Local;
     const LEADS: bool = true;
     const LATE: bool = true;
+    const SENSING: f64 = COUPLE;
+    // The map A(21) decomposes each z; the gradient of the global step's objective is taken anew.
+    const OVERHEAD: f64 = 0.6 + COUPLE;
+    const REFUSAL: (f64, f64) = (2.0 * COUPLE, 1.0);
     const KEEPS_HISTORY: bool = true;
 
     fn check(admm: &Admm) -> Result<(), BuildError> {
@@ -67,6 +73,7 @@ impl Carrier for ForwardResidualZxu {
     const ORDER: Order = Order::Zxu;
     const EXTRAPOLATED: Extrapolated = Extrapolated::PositionsAndDual;
     const SETTLES: usize = 1;
+    const REFUSAL: (f64, f64) = (1.0, 0.0);
     const KEEPS_HISTORY: bool = false;
 
     fn check(admm: &Admm) -> Result<(), BuildError> {
@@ -120,6 +127,7 @@ macro_rules! affine {
             const ORDER: Order = Order::Xzu;
             const EXTRAPOLATED: Extrapolated = Extrapolated::All;
             const SETTLES: usize = 1;
+            const REFUSAL: (f64, f64) = (1.0, 0.0);
             const KEEPS_HISTORY: bool = true;
 
             fn check(admm: &Admm) -> Result<(), BuildError> {

@@ -1,23 +1,22 @@
 //! The problem of a step and what solves it: the parts that steps have in common are kept.
 
 mod newton;
-mod running;
+mod splitting;
 
 use super::contact::{Known, Walls};
 use super::damping::StiffnessDamping;
-use super::stops::{Bound, Stops};
-use super::world::{Terms, World};
-use super::{SimulateError, has_finish};
-use crate::deform::constraints::{OBSTACLE_WEIGHT, shared};
-use crate::deform::{admm_settings, method};
+use super::stops::Stops;
+use super::world::{Hold, Terms, World};
+use super::{SimulateError, SolverSpec, has_finish};
+use crate::deform::constraints::shared;
 use crate::settings::{DeformSettings, MethodName};
 use proxel_model::contact::Contacts;
-use proxel_model::obstacle::{Obstacle, Solids};
+use proxel_model::strain_limit::StrainLimits;
 use proxel_split::{
-    Admm, Auto, Hessian, Inertia, NormalMatrix, Precision, Problem, Quadratic, ResidualTolerance, Residuals, Status,
-    Stop, SystemError, Term, vector,
+    Hessian, Inertia, NormalMatrix, Potential, Precision, Problem, Quadratic, SquaredResiduals, Status, SystemError,
+    Term, vector,
 };
-use running::Running;
+use splitting::Splitting;
 use std::sync::Arc;
 
 /// What a step minimises, inertia aside.
@@ -35,6 +34,8 @@ pub(super) struct Task<'a> {
     pub walls: &'a Walls,
     /// Forces between points and walls in the step before.
     pub known: &'a Known,
+    /// Stresses that held elements within their limits then; none at first.
+    pub stresses: &'a [f64],
 }
 
 /// How a step ended.
@@ -44,7 +45,9 @@ pub(super) struct Solved {
     pub reason: String,
     pub iterations: usize,
     pub rejected: usize,
-    pub residuals: Residuals,
+    /// Of the splitting, and numbers in its z; none where nothing was split.
+    pub residuals: Option<SquaredResiduals>,
+    pub local_dim: usize,
     /// Norm of the gradient over free nodes, forces of contact included, and what convergence asks of it; none for hard
     /// sets that are split off.
     pub gradient: Option<f64>,
@@ -52,27 +55,46 @@ pub(super) struct Solved {
     /// Forces between points and walls.
     pub contacts: Contacts,
     pub known: Known,
+    /// Stresses that hold elements within their limits.
+    pub stresses: Vec<f64>,
 }
 
 /// Solves steps of a world.
 pub(super) struct Engine {
-    problem: Problem,
-    barriers: Vec<bool>, // of each term of elements: whether it forbids inversion
-    normal: Option<NormalMatrix>,
-    hessian: Option<Hessian>,
+    problem: Problem,              // what is minimised, without sets: elements, inertia, potentials
+    barriers: Vec<bool>,           // of each term: whether it forbids inversion
+    limits: Vec<Option<[f64; 2]>>, // of each term
+    how: How,
     damping: Option<StiffnessDamping>,
     contacts: Contacts,
+    strain: Option<StrainLimits>, // hard limits, for Newton's method
     settings: DeformSettings,
-    inertia: f64,    // that the normal matrix was factored for
-    factored: usize, // refactorisations of the normal matrix when its weights were those of the start
+    inertia: f64, // of the problem
     characteristic: f64,
-    penalty: f64,        // norm of the stiffness of contact over all points
-    split_contact: bool, // steps are solved by a splitting, with obstacles as a term; else by Newton's method
+    penalty: f64,   // norm of the stiffness of contact over all points, and of limits
+    mean_edge: f64, // at rest
+}
+
+/// How steps are solved.
+enum How {
+    /// By Newton's method, with contact as a potential.
+    Newton(Matrices),
+    /// By a splitting, with obstacles and limits as sets, or by a method that has neither.
+    Splitting(Box<Splitting>),
+}
+
+/// What Newton's method keeps from step to step.
+struct Matrices {
+    normal: Option<NormalMatrix>, // none where every node is held
+    hessian: Option<Hessian>,
+    factored: usize, // refactorisations of the normal matrix when its weights were those of the start
 }
 
 /// The stiffness of contact, in units of that of the nodes that touch. The larger, the sooner multipliers converge, and the
 /// more digits a factor loses.
 const PENALTY: f64 = 100.0;
+/// The stiffness of hard limits, in units of that of the nodes of an element.
+const HOLD: f64 = 100.0;
 /// Slips up to this part of a body's size, a step, stick.
 const STICKING: f64 = 1e-5;
 /// Energies of elements are exact to 1e-16 of the sum of squared weights, stiffness times volume, and Newton's method takes
@@ -89,78 +111,106 @@ impl Engine {
     ///
     /// # Errors
     /// A problem that cannot be solved by the method.
-    pub fn new(world: &World, settings: DeformSettings, damped: bool, inertia: f64) -> Result<Self, SimulateError> {
-        let Terms { terms, barriers } = world.terms()?;
+    pub fn new(
+        world: &World,
+        settings: DeformSettings,
+        solver: &SolverSpec,
+        damped: bool,
+        inertia: f64,
+    ) -> Result<Self, SimulateError> {
+        let Terms { terms, barriers, limits } = world.terms(Hold::Not)?;
         // Where materials differ, an element that may be inverted must not keep the others from converging.
         let barrier = !barriers.is_empty() && barriers.iter().all(|b| *b);
         let stiffness: f64 = terms.iter().map(|term| term.scale().weight2).sum();
         let constant = NOISE * stiffness;
-        let quadratic = Quadratic { form: world.form.clone(), constant, ..Quadratic::default() };
+        let mut quadratic = Quadratic { form: world.form.clone(), constant, ..Quadratic::default() };
+        quadratic.inertia = inertia_of(world, inertia, &world.start[..3 * world.n_free])?;
         let x0 = world.start.clone();
         let problem = Problem { dim: 3, n_free: world.n_free, x0, terms, quadratic, barrier };
-        let split_contact = !has_finish(settings.method) || problem.has_hard_sets();
+        let how = match has_finish(settings.method) || world.n_free == 0 {
+            true => How::Newton(Matrices { normal: None, hessian: None, factored: 0 }),
+            false => {
+                let (x0, quadratic) = (problem.x0.clone(), problem.quadratic.clone());
+                let split = Problem { dim: 3, n_free: world.n_free, x0, terms: Vec::new(), quadratic, barrier };
+                How::Splitting(Box::new(Splitting::new(world, &settings, solver, split, inertia)?))
+            }
+        };
         let mut engine = Engine {
             characteristic: problem.characteristic_gradient(),
             problem,
             barriers,
-            normal: None,
-            hessian: None,
+            limits,
+            how,
             damping: None,
             contacts: Contacts::default(),
+            strain: None,
             penalty: 0.0,
             settings,
             inertia,
-            factored: 0,
-            split_contact,
+            mean_edge: world.mean_edge(),
         };
-        engine.set_inertia(world, inertia, &world.start[..3 * world.n_free])?;
-        if !split_contact && !world.obstacles.is_empty() {
-            let mut stiffness = engine.problem.node_stiffness();
-            stiffness.iter_mut().zip(&world.mass).for_each(|(k, m)| *k += inertia * m);
-            let points = world.touching.points.clone();
-            let k: Vec<f64> = shared(&points, &stiffness).map(|k| PENALTY * k).collect();
-            engine.penalty = vector::norm(&k);
-            let slip = world.touching.who.iter().map(|(b, _)| STICKING * world.bodies[*b].size).collect();
-            engine.contacts = Contacts::new(points, k.into(), slip);
-            engine.problem.quadratic.potentials.push(Arc::new(engine.contacts.clone()));
-        }
-        if world.n_free > 0 {
-            let walls = Walls::new(world, 0.0, 0.0);
-            engine.add_walls(world, &walls);
-            engine.factor()?;
-            if let (true, Some(normal)) = (damped, &engine.normal) {
-                let none = StiffnessDamping::none(normal.matrix().0).map_err(SystemError::from)?;
-                engine.problem.quadratic.potentials.push(Arc::new(none.clone()));
-                engine.damping = Some(none);
-            }
+        if matches!(engine.how, How::Newton(_)) && world.n_free > 0 {
+            engine.prepare_newton(world, damped)?;
         }
         Ok(engine)
     }
 
-    /// Bytes of factors.
-    pub fn factor_bytes(&self) -> u64 {
-        self.normal.as_ref().map_or(0, NormalMatrix::factor_bytes)
-            + self.hessian.as_ref().map_or(0, Hessian::factor_bytes)
-    }
-
-    /// The terms that are bodies.
-    pub fn elements(&mut self, world: &World) -> &mut [Box<dyn Term>] {
-        let n = self.problem.terms.len() - usize::from(self.has_wall_term(world));
-        &mut self.problem.terms[..n]
-    }
-
-    fn factor(&mut self) -> Result<(), SimulateError> {
-        let name = self.settings.method;
-        let single = name == MethodName::Auto || (name.is_splitting() && name.is_rotation_aware());
-        let precision = if single { self.settings.admm.lbfgs().precision } else { Precision::Double };
-        self.normal = Some(NormalMatrix::with_precision(&self.problem, precision)?);
-        self.factored = 0;
+    /// Matrices and potentials for Newton's method.
+    fn prepare_newton(&mut self, world: &World, damped: bool) -> Result<(), SimulateError> {
+        let mut stiffness = self.problem.node_stiffness();
+        stiffness.iter_mut().zip(&world.mass).for_each(|(k, m)| *k += self.inertia * m);
+        if !world.obstacles.is_empty() {
+            let points = world.touching.points.clone();
+            let k: Vec<f64> = shared(&points, &stiffness).map(|k| PENALTY * k).collect();
+            self.penalty = vector::norm(&k);
+            let slip = world.touching.who.iter().map(|(b, _)| STICKING * world.bodies[*b].size).collect();
+            self.contacts = Contacts::new(points, k.into(), slip);
+            self.problem.quadratic.potentials.push(Arc::new(self.contacts.clone()));
+        }
+        let limited = world.limited()?;
+        if !limited.is_empty() {
+            let strain = StrainLimits::new(limited, &stiffness, HOLD);
+            self.penalty = self.penalty.hypot(strain.penalty());
+            let buckling = strain.buckling();
+            self.problem.quadratic.potentials.push(Arc::new(strain.clone()));
+            self.problem.quadratic.potentials.push(Arc::new(buckling));
+            self.strain = Some(strain);
+        }
+        let normal = self.factor()?;
+        if damped {
+            let none = StiffnessDamping::none(normal.matrix().0).map_err(SystemError::from)?;
+            self.problem.quadratic.potentials.push(Arc::new(none.clone()));
+            self.damping = Some(none);
+        }
+        self.how = How::Newton(Matrices { normal: Some(normal), hessian: None, factored: 0 });
         Ok(())
     }
 
-    /// Whether a method has changed weights, and with them the normal matrix.
-    fn is_reweighted(&self) -> bool {
-        self.normal.as_ref().is_some_and(|normal| normal.refactorisations() != self.factored)
+    /// Bytes of factors.
+    pub fn factor_bytes(&self) -> u64 {
+        match &self.how {
+            How::Splitting(splitting) => splitting.factor_bytes(),
+            How::Newton(Matrices { normal, hessian, .. }) => {
+                normal.as_ref().map_or(0, NormalMatrix::factor_bytes)
+                    + hessian.as_ref().map_or(0, Hessian::factor_bytes)
+            }
+        }
+    }
+
+    /// The terms, all of them elements of bodies.
+    pub fn elements(&mut self) -> &mut [Box<dyn Term>] {
+        &mut self.problem.terms
+    }
+
+    /// The mean length of all edges of elements at rest.
+    pub fn mean_edge(&self) -> f64 {
+        self.mean_edge
+    }
+
+    fn factor(&self) -> Result<NormalMatrix, SimulateError> {
+        let single = self.settings.method == MethodName::Auto;
+        let precision = if single { self.settings.admm.lbfgs().precision } else { Precision::Double };
+        Ok(NormalMatrix::with_precision(&self.problem, precision)?)
     }
 
     /// Makes everything as it was after [`Self::new`], in bits too, so that a run which goes on from a frame does the same:
@@ -169,49 +219,26 @@ impl Engine {
     /// # Errors
     /// As [`Self::new`].
     pub fn renew(&mut self, world: &World) -> Result<(), SimulateError> {
-        self.problem.terms = world.terms()?.terms;
-        self.add_walls(world, &Walls::new(world, 0.0, 0.0));
-        if self.is_reweighted() {
-            self.refactor()?;
+        let Matrices { normal, hessian, factored } = match &mut self.how {
+            How::Splitting(splitting) => return splitting.renew(world),
+            How::Newton(matrices) => matrices,
+        };
+        self.problem.terms = world.terms(Hold::Not)?.terms;
+        let Some(normal) = normal else { return Ok(()) };
+        if normal.refactorisations() != *factored {
+            // A splitting on the way has changed weights.
+            normal.refactor(&self.problem)?;
+            *factored = normal.refactorisations();
         }
-        if let (Some(hessian), Some(normal)) = (&mut self.hessian, &self.normal) {
+        if let Some(hessian) = hessian {
             hessian.renew(&mut self.problem, normal);
         }
         Ok(())
     }
 
-    /// New numbers in the normal matrix.
-    fn refactor(&mut self) -> Result<(), SimulateError> {
-        if let Some(normal) = &mut self.normal {
-            normal.refactor(&self.problem)?;
-            self.factored = normal.refactorisations();
-        }
-        Ok(())
-    }
-
-    fn set_inertia(&mut self, world: &World, inertia: f64, target: &[f64]) -> Result<(), SimulateError> {
-        let stiffness = world.mass[..world.n_free].iter().map(|m| inertia * m).collect();
-        let of = Inertia::new(stiffness, target.to_vec(), 3).map_err(|e| SimulateError::new(e.to_string()))?;
-        self.problem.quadratic.inertia = of;
-        Ok(())
-    }
-
-    /// Obstacles as the last term, where the splitting has them.
-    fn add_walls(&mut self, world: &World, walls: &Walls) {
-        if !self.has_wall_term(world) {
-            return;
-        }
-        let stiffness = self.problem.node_stiffness();
-        let points = (*world.touching.points).clone();
-        let weight2 = shared(&points, &stiffness).map(|k| OBSTACLE_WEIGHT * k).collect();
-        let size = world.bodies.iter().map(|b| b.size).fold(f64::INFINITY, f64::min);
-        let term = Obstacle::new(Solids(walls.solids().to_vec()), points, weight2, size);
-        self.problem.terms.push(Box::new(term));
-    }
-
     /// Whether the problem has a term that is an obstacle.
-    pub fn has_wall_term(&self, world: &World) -> bool {
-        self.split_contact && !world.obstacles.is_empty() && world.n_free > 0
+    pub fn has_wall_term(&self) -> bool {
+        matches!(&self.how, How::Splitting(splitting) if splitting.has_walls())
     }
 
     /// Solves a step.
@@ -224,38 +251,32 @@ impl Engine {
         if world.n_free == 0 {
             return Ok(self.nothing_to_do(task));
         }
-        match self.split_contact {
-            true => self.by_splitting(task, bound, stops),
-            false => self.by_newton(world, task, bound, stops),
+        let How::Splitting(splitting) = &mut self.how else { return self.by_newton(world, task, bound, stops) };
+        let mut solved = splitting.solve(world, task, bound, (&self.settings, &self.contacts), stops)?;
+        if !splitting.is_hard() {
+            solved.gradient = Some(self.gradient(&solved.x));
         }
+        Ok(solved)
     }
 
     fn prepare(&mut self, world: &World, task: &Task<'_>) -> Result<(), SimulateError> {
         self.set_contacts(Vec::new());
         let changed = task.inertia != self.inertia;
         if changed {
-            self.set_inertia(world, task.inertia, task.target)?;
+            self.problem.quadratic.inertia = inertia_of(world, task.inertia, task.target)?;
             self.inertia = task.inertia;
         } else {
             let set = self.problem.quadratic.inertia.set_target(task.target);
             set.map_err(|e| SimulateError::new(e.to_string()))?;
         }
-        if self.has_wall_term(world) {
-            self.problem.terms.pop();
-            self.add_walls(world, task.walls);
+        let How::Newton(Matrices { normal: Some(normal), hessian, factored }) = &mut self.how else { return Ok(()) };
+        if changed {
+            normal.refactor(&self.problem)?;
+            *factored = normal.refactorisations();
         }
-        if world.n_free == 0 {
-            return Ok(());
-        }
-        if self.normal.is_none() {
-            self.factor()?;
-        } else if changed || (self.is_reweighted() && self.has_wall_term(world)) {
-            self.refactor()?;
-        }
-        if let (Some((factor, anchor, loads)), Some(none), Some(normal)) = (&task.damping, &self.damping, &self.normal)
-        {
-            if self.hessian.is_none() {
-                self.hessian = Some(Hessian::new(&mut self.problem, normal)?);
+        if let (Some((factor, anchor, loads)), Some(none)) = (&task.damping, &self.damping) {
+            if hessian.is_none() {
+                *hessian = Some(Hessian::new(&mut self.problem, normal)?);
             }
             let pattern = normal.matrix().0;
             let damping =
@@ -295,11 +316,13 @@ impl Engine {
             reason: "every vertex is held; there is nothing to move".to_string(),
             iterations: 0,
             rejected: 0,
-            residuals: Residuals { primal: 0.0, dual: 0.0 },
+            residuals: None,
+            local_dim: 0,
             gradient: Some(0.0),
             bound: 0.0,
             contacts: self.contacts.with(Vec::new()),
             known: Known::new(),
+            stresses: Vec::new(),
         }
     }
 
@@ -316,65 +339,6 @@ impl Engine {
         let lower = predicted.value <= before.value;
         let higher = before.value.is_finite() && !lower;
         if worse || higher { task.x.to_vec() } else { x }
-    }
-
-    /// A pure splitting, or one of the other methods that have no finish.
-    fn by_splitting(&mut self, task: &Task<'_>, bound: f64, stops: &mut Stops<'_>) -> Result<Solved, SimulateError> {
-        let hard = self.problem.has_hard_sets();
-        // Facts of the methods' comparison: every step begins where it would go by itself.
-        let mut x = task.x.to_vec();
-        x[..task.target.len()].copy_from_slice(task.target);
-        let problem = std::mem::replace(&mut self.problem, Problem::empty());
-        let mut method = self.build(problem, x)?;
-        let mut by_gradient = Bound(bound);
-        let mut by_residual = ResidualTolerance::new(self.settings.tol);
-        let converged: &mut dyn Stop = if hard { &mut by_residual } else { &mut by_gradient };
-        let outcome = stops.run(method.method(), &mut [converged], self.settings.max_iters);
-        let residuals = method.method().residuals();
-        self.take_back(method);
-        let gradient = (!hard).then(|| self.gradient(&outcome.x));
-        Ok(Solved {
-            status: outcome.status,
-            reason: outcome.reason,
-            iterations: outcome.iterations,
-            rejected: outcome.rejected,
-            residuals,
-            gradient,
-            bound,
-            contacts: self.contacts.with(Vec::new()),
-            known: Known::new(),
-            x: outcome.x,
-        })
-    }
-
-    /// The method, with the matrix of before where it can take one.
-    fn build(&mut self, mut problem: Problem, x: Vec<f64>) -> Result<Running, SimulateError> {
-        use MethodName::{AdmmPd, Auto as AutoName, RAdmm, WAdmm, Wrapd};
-        let name = self.settings.method;
-        if let (AdmmPd | RAdmm | WAdmm | Wrapd | AutoName, Some(normal)) = (name, self.normal.take()) {
-            let admm = self.admm(problem, normal, x);
-            return Ok(match name {
-                AutoName => {
-                    Running::Auto(Box::new(Auto::new(name.as_str().to_string(), admm, self.settings.newton.auto())))
-                }
-                _ => Running::Admm(Box::new(admm)),
-            });
-        }
-        problem.x0 = x;
-        Ok(Running::Other(method(problem, &self.settings)?))
-    }
-
-    fn admm(&self, problem: Problem, normal: NormalMatrix, x: Vec<f64>) -> Admm {
-        Admm::resume(problem, normal, x, admm_settings(&self.settings), 0)
-    }
-
-    fn take_back(&mut self, method: Running) {
-        let back = method.give_back();
-        self.problem = back.problem;
-        self.normal = back.normal;
-        if back.hessian.is_some() {
-            self.hessian = back.hessian;
-        }
     }
 
     /// Inverted elements of materials that forbid them.
@@ -400,6 +364,22 @@ impl Engine {
         }
     }
 
+    /// Puts limits into the problem: after contact.
+    fn set_strain(&mut self, strain: StrainLimits) {
+        let at = usize::from(!self.contacts.points().is_empty());
+        if let Some([limits, buckling]) = self.problem.quadratic.potentials.get_mut(at..at + 2) {
+            (*limits, *buckling) = (Arc::new(strain.clone()), Arc::new(strain.buckling()));
+            self.strain = Some(strain);
+        }
+    }
+
+    /// Adds the forces of hard limits to a gradient.
+    pub fn add_forces_of_limits(&self, x: &[f64], grad: &mut [f64]) {
+        if let Some(strain) = &self.strain {
+            strain.value_and_gradient(x, Some(grad));
+        }
+    }
+
     /// Norm of the gradient over free nodes that no touch with a force, and no point within the tolerance of a wall, is
     /// on.
     pub fn gradient_off_contact(&mut self, x: &[f64], contacts: &Contacts) -> f64 {
@@ -418,8 +398,19 @@ impl Engine {
     }
 
     /// How far limited stretches are beyond their limits, at most.
-    pub fn strain_violation(&mut self, world: &World, x: &[f64]) -> f64 {
-        let terms = self.elements(world);
-        terms.iter_mut().map(|term| term.energy(x, None).violation).fold(0.0, |a, b| if b <= a { a } else { b })
+    pub fn strain_violation(&mut self, x: &[f64]) -> f64 {
+        let terms = self.problem.terms.iter_mut().zip(&self.limits);
+        let beyond = terms.filter_map(|(term, limits)| {
+            let ([low, high], report) = ((*limits)?, term.energy(x, None));
+            let (below, above) = (low - report.min_stretch, report.max_stretch - high);
+            Some(if below.is_nan() || above.is_nan() { f64::INFINITY } else { below.max(above) })
+        });
+        beyond.fold(0.0, f64::max)
     }
+}
+
+/// Inertia of this stiffness over mass.
+fn inertia_of(world: &World, inertia: f64, target: &[f64]) -> Result<Inertia, SimulateError> {
+    let stiffness = world.mass[..world.n_free].iter().map(|m| inertia * m).collect();
+    Inertia::new(stiffness, target.to_vec(), 3).map_err(|e| SimulateError::new(e.to_string()))
 }

@@ -1,27 +1,34 @@
-//! Newton's method on an augmented Lagrangian of contact.
+//! Newton's method on an augmented Lagrangian of contact and of hard limits.
 
-use super::running::Running;
-use super::{Engine, Solved, Task};
-use crate::deform::REFUSALS;
+use super::{Engine, How, Matrices, Solved, Task};
+use crate::deform::{REFUSALS, admm_settings};
 use crate::settings::MethodName;
 use crate::simulate::SimulateError;
 use crate::simulate::contact::learn;
 use crate::simulate::stops::{Bound, Stops};
 use crate::simulate::world::World;
 use proxel_split::{
-    Auto, Hessian, LinearSolver, Newton, NewtonSettings, NoProgress, NormalMatrix, Outcome, Price, Problem, Residuals,
-    Status, solver_for,
+    Admm, Auto, Hessian, LinearSolver, Newton, NewtonSettings, NoProgress, NormalMatrix, Outcome, Parts, Price,
+    Problem, Status, VIOLATION, solver_for,
 };
 
 /// Renewals of planes and forces in a step.
 const RENEWALS: usize = 60;
+/// With hard limits, whose multipliers need more of them.
+const RENEWALS_OF_LIMITS: usize = 400;
+/// Limits are held more stiffly by this factor where a renewal has left more than `LAGGING` of how far their multipliers were
+/// off, up to `STIFFEST` times.
+const STIFFER: f64 = 4.0;
+const LAGGING: f64 = 0.3;
+const STIFFEST: f64 = 1e4;
 /// Rounds that Newton may leave without progress while planes and forces still change.
 const PATIENCE: usize = 4;
 /// Part of the gradient that is left when planes and forces are renewed.
 const INNER: f64 = 0.05;
 
 impl Engine {
-    /// Newton's method on an augmented Lagrangian of contact, whose planes and forces are renewed between its runs.
+    /// Newton's method on an augmented Lagrangian of contact and of hard limits: planes, forces and stresses are renewed
+    /// between its runs.
     pub(super) fn by_newton(
         &mut self,
         world: &World,
@@ -37,12 +44,21 @@ impl Engine {
         };
         let is_met = !touches.is_empty();
         self.set_contacts(touches);
+        if let Some(strain) = &self.strain {
+            let known = strain.with(task.stresses).unwrap_or_else(|| strain.forgotten());
+            self.set_strain(known);
+        }
+        let (mut before, mut growth, mut settled, mut stresses) = (f64::INFINITY, 1.0, false, Vec::new());
         let mut x = self.begin(task, is_met);
         let (mut iterations, mut rejected, mut rescued, mut stuck) = (0, 0, false, 0);
         let (mut status, mut reason) = (Status::Stopped, String::new());
-        for renewal in 0..RENEWALS {
+        let renewals = if self.strain.is_some() { RENEWALS_OF_LIMITS } else { RENEWALS };
+        for renewal in 0..renewals {
             let left = self.settings.max_iters.saturating_sub(iterations);
-            let inner = if self.contacts.touches().is_empty() { bound } else { bound.max(INNER * self.gradient(&x)) };
+            let inner = match self.is_constrained() && !(settled && self.contacts.touches().is_empty()) {
+                true => bound.max(INNER * self.gradient(&x)),
+                false => bound,
+            };
             let tangled = self.forbidden(&x) > 0;
             let outcome = match tangled && self.settings.method == MethodName::Auto && !rescued {
                 true => {
@@ -64,17 +80,30 @@ impl Engine {
             }
             let gradient = self.gradient(&x);
             let inverted = self.forbidden(&x) > 0;
-            if gradient <= bound && !inverted {
+            let renewed = self.strain.as_ref().map(|strain| strain.renewed(&x));
+            let off = renewed.as_ref().map_or(0.0, |(_, off)| *off);
+            settled = off <= VIOLATION;
+            if let Some((strain, _)) = &renewed {
+                stresses = strain.multipliers();
+            }
+            let held = settled && self.strain_violation(&x) <= VIOLATION;
+            if gradient <= bound && !inverted && held {
                 status = Status::Converged;
                 reason = format!("gradient {gradient:e} is at most {bound:e}, forces of contact included");
                 break;
+            }
+            if let Some((strain, off)) = renewed {
+                let lags = off > LAGGING * before && !settled && growth < STIFFEST;
+                let stiffer = if lags { STIFFER } else { 1.0 };
+                (before, growth) = (off, growth * stiffer);
+                self.set_strain(strain.stiffer(stiffer));
             }
             if iterations >= self.settings.max_iters {
                 (status, reason) = (Status::Stopped, format!("{iterations} iterations done (max_iters)"));
                 break;
             }
             stuck += usize::from(status == Status::Stopped || inverted);
-            let touching = !self.contacts.touches().is_empty();
+            let touching = self.is_constrained();
             if stuck > if touching { PATIENCE } else { 0 } {
                 // Newton finds no way on: the splitting may, once, where nothing touches.
                 if rescued || touching || self.settings.method != MethodName::Auto {
@@ -87,7 +116,8 @@ impl Engine {
                 rejected += outcome.rejected;
                 x = outcome.x;
             }
-            (status, reason) = (Status::Stopped, format!("forces of contact did not settle in {} rounds", renewal + 1));
+            (status, reason) =
+                (Status::Stopped, format!("forces of contact and of limits did not settle in {} rounds", renewal + 1));
         }
         let known = learn(&self.contacts, &x);
         Ok(Solved {
@@ -97,11 +127,18 @@ impl Engine {
             reason,
             iterations,
             rejected,
-            residuals: Residuals { primal: f64::INFINITY, dual: f64::INFINITY },
+            residuals: None,
+            local_dim: 0,
             bound,
             contacts: self.contacts.clone(),
             known,
+            stresses,
         })
+    }
+
+    /// Whether multipliers are to be renewed.
+    fn is_constrained(&self) -> bool {
+        !self.contacts.touches().is_empty() || self.strain.is_some()
     }
 
     fn newton_settings(&self, normal: &NormalMatrix) -> NewtonSettings {
@@ -121,10 +158,10 @@ impl Engine {
         limit: usize,
         stops: &mut Stops<'_>,
     ) -> Result<Outcome, SimulateError> {
-        let Some(normal) = self.normal.take() else { return Err(SimulateError::new("a step lost its matrix".into())) };
+        let (normal, hessian) = self.take_matrices()?;
         let settings = self.newton_settings(&normal);
         let mut problem = std::mem::replace(&mut self.problem, Problem::empty());
-        let hessian = match self.hessian.take() {
+        let hessian = match hessian {
             Some(hessian) => hessian,
             None => Hessian::new(&mut problem, &normal)?,
         };
@@ -132,7 +169,7 @@ impl Engine {
         let (mut converged, mut stuck) = (Bound(bound), NoProgress::new(REFUSALS));
         let outcome = stops.run(&mut newton, &mut [&mut converged, &mut stuck], limit);
         let (problem, normal, _, hessian) = newton.into_parts_with_hessian();
-        (self.problem, self.normal, self.hessian) = (problem, Some(normal), Some(hessian));
+        self.put_back(problem, normal, Some(hessian));
         Ok(outcome)
     }
 
@@ -144,14 +181,34 @@ impl Engine {
         limit: usize,
         stops: &mut Stops<'_>,
     ) -> Result<Outcome, SimulateError> {
+        let (normal, _) = self.take_matrices()?;
         let problem = std::mem::replace(&mut self.problem, Problem::empty());
-        let Some(normal) = self.normal.take() else { return Err(SimulateError::new("a step lost its matrix".into())) };
-        let admm = self.admm(problem, normal, x);
+        let admm = Admm::resume(problem, normal, x, admm_settings(&self.settings), 0);
         let name = self.settings.method.as_str().to_string();
-        let mut auto = Running::Auto(Box::new(Auto::new(name, admm, self.settings.newton.auto())));
+        let mut auto = Auto::new(name, admm, self.settings.newton.auto());
         let (mut converged, mut stuck) = (Bound(bound), NoProgress::new(REFUSALS));
-        let outcome = stops.run(auto.method(), &mut [&mut converged, &mut stuck], limit);
-        self.take_back(auto);
+        let outcome = stops.run(&mut auto, &mut [&mut converged, &mut stuck], limit);
+        let Some(Parts { problem, normal, hessian, .. }) = auto.into_parts() else {
+            return Err(SimulateError::new(format!("a step failed: {}", outcome.reason)));
+        };
+        self.put_back(problem, normal, hessian);
         Ok(outcome)
+    }
+
+    fn take_matrices(&mut self) -> Result<(NormalMatrix, Option<Hessian>), SimulateError> {
+        if let How::Newton(Matrices { normal, hessian, .. }) = &mut self.how
+            && let Some(normal) = normal.take()
+        {
+            return Ok((normal, hessian.take()));
+        }
+        Err(SimulateError::new("a step lost its matrix; begin the simulation anew".into()))
+    }
+
+    fn put_back(&mut self, problem: Problem, normal: NormalMatrix, hessian: Option<Hessian>) {
+        self.problem = problem;
+        if let How::Newton(matrices) = &mut self.how {
+            matrices.normal = Some(normal);
+            matrices.hessian = hessian;
+        }
     }
 }

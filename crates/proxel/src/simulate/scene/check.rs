@@ -92,6 +92,7 @@ pub(super) fn check(scene: &Scene) -> Checked {
     count("time.substeps", time.substeps, MOST_SUBSTEPS)?;
     positive("solver.tol", scene.solver.tol)?;
     count("solver.max_iters", scene.solver.max_iters, usize::MAX)?;
+    scene.solver.check()?;
     finite("forces.gravity", &scene.forces.gravity)?;
     if let Some(wind) = &scene.forces.wind {
         finite("forces.wind.velocity", &wind.velocity)?;
@@ -125,28 +126,21 @@ fn capabilities(scene: &Scene) -> Checked {
     let limited = scene.bodies.iter().position(|b| b.strain_limit.is_some());
     if let Some(k) = limited {
         let place = format!("body[{k}].strain_limit");
-        if !method.takes_hard_sets() {
+        if !super::super::has_finish(method) && !scene.solver.holds_sets() {
             let what = format!("{} needs derivatives and cannot hold hard limits", method.as_str());
-            return bad(&place, what, "use auto, wrapd, r-admm, w-admm or admm");
-        }
-        if scene.damping.stiffness > 0.0 {
-            return bad("damping.stiffness", "it does not go with hard strain limits".into(), "leave one of them out");
+            return bad(&place, what, "use auto, newton, wrapd, r-admm, w-admm, aa-admm or admm");
         }
     }
     let rough = scene.obstacles.iter().position(|o| o.friction > 0.0);
     if let Some(k) = rough
-        && (!super::super::has_finish(method) || limited.is_some())
+        && !super::super::has_finish(method)
     {
-        let what = "friction needs a Newton finish, which hard strain limits and pure splitting methods have not";
-        return bad(
-            &format!("obstacle[{k}].friction"),
-            what.into(),
-            "leave it out, or use auto or newton without limits",
-        );
+        let what = "friction needs a Newton finish, which pure splitting methods have not";
+        return bad(&format!("obstacle[{k}].friction"), what.into(), "leave it out, or use auto or newton");
     }
-    if !scene.obstacles.is_empty() && !super::super::has_finish(method) && !method.takes_hard_sets() {
+    if !scene.obstacles.is_empty() && !super::super::has_finish(method) && !scene.solver.holds_sets() {
         let what = format!("{} cannot hold obstacles", method.as_str());
-        return bad("solver.method", what, "use auto, newton, wrapd, r-admm, w-admm or admm");
+        return bad("solver.method", what, "use auto, newton, wrapd, r-admm, w-admm, aa-admm or admm");
     }
     Ok(())
 }

@@ -22,14 +22,15 @@ mod check;
 mod file;
 mod locate;
 mod obstacle;
+mod solver;
 
 pub use body::{BodySpec, Generate, PinSpec, Split};
 pub use file::SceneFile;
 pub use obstacle::{MotionKey, ObstacleSpec, ShapeSpec};
+pub use solver::{AccelerateName, AlgorithmName, ExtrapolationName, HistoryName, SolverSpec};
 
-use crate::settings::{DeformSettings, MethodName};
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 /// A scene: bodies, what moves them, and what is in their way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -87,52 +88,6 @@ pub struct TimeSpec {
 impl Default for TimeSpec {
     fn default() -> Self {
         TimeSpec { dt: 1.0 / 30.0, frames: 60, substeps: 1, integrator: Integrator::default(), adaptive: false }
-    }
-}
-
-/// How each step is solved.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct SolverSpec {
-    /// The minimiser: auto, newton, admm (or admm-pd), aa-admm, wrapd and the others of `deform`.
-    #[serde(deserialize_with = "method_name")]
-    #[schemars(with = "String")]
-    pub method: MethodName,
-    /// Most iterations a step.
-    pub max_iters: usize,
-    /// A step has converged when its gradient is at most this part of the smaller one of the forces at its start and the
-    /// body's characteristic force; with hard strain limits, when primal and dual residual are at most this.
-    pub tol: f64,
-    /// Window of Anderson acceleration, m.
-    pub window: usize,
-}
-
-impl Default for SolverSpec {
-    fn default() -> Self {
-        let of = DeformSettings::default();
-        SolverSpec { method: of.method, max_iters: of.max_iters, tol: of.tol, window: of.anderson.aa_admm }
-    }
-}
-
-/// The names of methods, and `admm` for the plain one.
-fn method_name<'de, D: Deserializer<'de>>(d: D) -> Result<MethodName, D::Error> {
-    let name = String::deserialize(d)?;
-    SolverSpec::method_of(&name).map_err(serde::de::Error::custom)
-}
-
-impl SolverSpec {
-    /// The method of this name.
-    ///
-    /// # Errors
-    /// A name that none has, with all that there are.
-    pub fn method_of(name: &str) -> Result<MethodName, String> {
-        if name == "admm" {
-            return Ok(MethodName::AdmmPd);
-        }
-        MethodName::from_name(name).ok_or_else(|| {
-            let all: Vec<&str> = MethodName::ALL.iter().map(|m| m.as_str()).collect();
-            format!("unknown method `{name}`; use admm, {}", all.join(", "))
-        })
     }
 }
 
