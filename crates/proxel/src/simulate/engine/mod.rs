@@ -10,7 +10,7 @@ use super::world::{Terms, World};
 use super::{SimulateError, has_finish};
 use crate::deform::constraints::{OBSTACLE_WEIGHT, shared};
 use crate::deform::{admm_settings, method};
-use crate::settings::{DeformSettings, MethodName};
+use crate::settings::{DeformSettings, MethodName, PenaltyName};
 use proxel_model::contact::Contacts;
 use proxel_model::obstacle::{Obstacle, Solids};
 use proxel_split::{
@@ -352,7 +352,7 @@ impl Engine {
         use MethodName::{AdmmPd, Auto as AutoName, RAdmm, WAdmm, Wrapd};
         let name = self.settings.method;
         if let (AdmmPd | RAdmm | WAdmm | Wrapd | AutoName, Some(normal)) = (name, self.normal.take()) {
-            let admm = self.admm(problem, normal, x);
+            let admm = self.admm(problem, normal, x)?;
             return Ok(match name {
                 AutoName => {
                     Running::Auto(Box::new(Auto::new(name.as_str().to_string(), admm, self.settings.newton.auto())))
@@ -364,8 +364,12 @@ impl Engine {
         Ok(Running::Other(method(problem, &self.settings)?))
     }
 
-    fn admm(&self, problem: Problem, normal: NormalMatrix, x: Vec<f64>) -> Admm {
-        Admm::resume(problem, normal, x, admm_settings(&self.settings), 0)
+    fn admm(&self, problem: Problem, normal: NormalMatrix, x: Vec<f64>) -> Result<Admm, SystemError> {
+        let admm = Admm::resume(problem, normal, x, admm_settings(&self.settings), 0);
+        match self.settings.admm.penalty {
+            PenaltyName::Weights => Ok(admm),
+            PenaltyName::Safe => admm.with_safe_penalty(),
+        }
     }
 
     fn take_back(&mut self, method: Running) {

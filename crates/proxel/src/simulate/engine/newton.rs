@@ -146,7 +146,7 @@ impl Engine {
     ) -> Result<Outcome, SimulateError> {
         let problem = std::mem::replace(&mut self.problem, Problem::empty());
         let Some(normal) = self.normal.take() else { return Err(SimulateError::new("a step lost its matrix".into())) };
-        let admm = self.admm(problem, normal, x);
+        let admm = self.admm(problem, normal, x)?;
         let name = self.settings.method.as_str().to_string();
         let mut auto = Running::Auto(Box::new(Auto::new(name, admm, self.settings.newton.auto())));
         let (mut converged, mut stuck) = (Bound(bound), NoProgress::new(REFUSALS));

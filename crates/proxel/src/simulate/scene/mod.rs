@@ -27,7 +27,7 @@ pub use body::{BodySpec, Generate, PinSpec, Split};
 pub use file::SceneFile;
 pub use obstacle::{MotionKey, ObstacleSpec, ShapeSpec};
 
-use crate::settings::{DeformSettings, MethodName};
+use crate::settings::{DeformSettings, MethodName, PenaltyName};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -105,12 +105,14 @@ pub struct SolverSpec {
     pub tol: f64,
     /// Window of Anderson acceleration, m.
     pub window: usize,
+    /// What squared weights are multiplied by.
+    pub penalty: PenaltyName,
 }
 
 impl Default for SolverSpec {
     fn default() -> Self {
         let of = DeformSettings::default();
-        SolverSpec { method: of.method, max_iters: of.max_iters, tol: of.tol, window: of.anderson.aa_admm }
+        SolverSpec { method: of.method, max_iters: of.max_iters, tol: of.tol, window: of.anderson.aa_admm, penalty: of.admm.penalty }
     }
 }
 
