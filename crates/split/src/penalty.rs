@@ -64,9 +64,11 @@ impl SafePenalty {
             return refuse("the objective is not finite at the start; begin where no element is collapsed");
         }
         let bound = |level: f64| {
-            problem.terms.iter().filter_map(|term| term.level_bound(level)).fold((0.0_f64, 0.0), |(l, f), term| {
-                (l.max(term.lipschitz), f + term.force2)
-            })
+            problem
+                .terms
+                .iter()
+                .filter_map(|term| term.level_bound(level))
+                .fold((0.0_f64, 0.0), |(l, f), term| (l.max(term.lipschitz), f + term.force2))
         };
         // Without any energy z stays where its gradient is 0.
         let least = |excess: f64| {

@@ -55,7 +55,8 @@ impl PlainMesh {
     }
 
     pub fn into_mesh(self, name: &str) -> Result<Mesh, InputError> {
-        let refuse = |what: String| InputError::new(name, format!("{}: {what}", self.name), "write it anew with --dump");
+        let refuse =
+            |what: String| InputError::new(name, format!("{}: {what}", self.name), "write it anew with --dump");
         let mut faces = Polygons::new();
         if self.face_sizes.is_empty() {
             let (triangles, rest) = self.faces.as_chunks::<3>();
@@ -67,7 +68,10 @@ impl PlainMesh {
             let mut rest = &self.faces[..];
             for (k, size) in self.face_sizes.iter().enumerate() {
                 let Some((corners, after)) = rest.split_at_checked(*size as usize).filter(|_| *size > 0) else {
-                    return Err(refuse(format!("face {k} (0-based) has {size} corners, of which {} are there", rest.len())));
+                    return Err(refuse(format!(
+                        "face {k} (0-based) has {size} corners, of which {} are there",
+                        rest.len()
+                    )));
                 };
                 faces.push(corners);
                 rest = after;

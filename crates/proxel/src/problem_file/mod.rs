@@ -32,7 +32,6 @@ use crate::simulate::{SceneFile, State};
 use pose::Pose;
 use proxel_mesh::atomic_write;
 use serde::{Deserialize, Serialize};
-use std::io::Write;
 use std::path::Path;
 use step::Step;
 

@@ -38,7 +38,11 @@ impl Step {
             return Err(InputError::new(name, text, "write it anew with --dump"));
         }
         let Some(state) = State::of_plain(self.state) else {
-            return Err(InputError::new(name, "the numbers of its state do not fit each other", "write it anew with --dump"));
+            return Err(InputError::new(
+                name,
+                "the numbers of its state do not fit each other",
+                "write it anew with --dump",
+            ));
         };
         Ok(ProblemFile::Simulate { scene: Box::new(scene), state })
     }

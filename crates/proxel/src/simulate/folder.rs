@@ -16,7 +16,6 @@ use crate::report::Report;
 use proxel_mesh::topology::surface;
 use proxel_mesh::{Fields, MOST_GLTF_FRAMES, Mesh, Polygons, atomic_write, read_points, write_mesh, write_series};
 use serde::Serialize;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Where frames go.

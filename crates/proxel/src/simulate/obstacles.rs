@@ -74,9 +74,8 @@ fn solid(file: &SceneFile, place: &str, shape: &ShapeSpec) -> Result<Built, Inpu
             closed(file, place, points, triangles, *origin)?
         }
         ShapeSpec::Mesh { file: path, scale, rotate, translate } => {
-            let mesh = file
-                .mesh(path)
-                .map_err(|e| file.refuse(&format!("{place}.mesh"), &e.to_string(), "correct it"))?;
+            let mesh =
+                file.mesh(path).map_err(|e| file.refuse(&format!("{place}.mesh"), &e.to_string(), "correct it"))?;
             let motion = pose(rotate);
             let points = mesh.points.iter().map(|p| {
                 let p = motion.apply(p.map(|v| v * scale));

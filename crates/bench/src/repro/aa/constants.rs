@@ -133,10 +133,7 @@ impl Constants {
     /// 1/2 - 4/(mu eta)^2 and (1 - L/mu)/2 - (4 (rho/eta)^2 + 2) (L/mu)^2.
     pub fn descent_zxu(&self, mu: f64) -> (f64, f64) {
         let l = self.lipschitz_zxu / mu;
-        (
-            0.5 - 4.0 / (mu * self.eta).powi(2),
-            0.5 * (1.0 - l) - (4.0 * (self.rho / self.eta).powi(2) + 2.0) * l * l,
-        )
+        (0.5 - 4.0 / (mu * self.eta).powi(2), 0.5 * (1.0 - l) - (4.0 * (self.rho / self.eta).powi(2) + 2.0) * l * l)
     }
 
     pub fn describe(&self) -> String {

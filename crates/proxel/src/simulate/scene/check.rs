@@ -167,9 +167,11 @@ fn safe_penalty(scene: &Scene, limited: Option<usize>) -> Checked {
     }
     let lipschitz = |m: &Material| m.energy == "stvk";
     match scene.bodies.iter().position(|b| !lipschitz(&b.material) || !b.regions.values().all(lipschitz)) {
-        Some(k) => {
-            bad(place, format!("`safe` is proven for stvk only, and body[{k}] is of another"), "leave it out, or use stvk")
-        }
+        Some(k) => bad(
+            place,
+            format!("`safe` is proven for stvk only, and body[{k}] is of another"),
+            "leave it out, or use stvk",
+        ),
         None => Ok(()),
     }
 }

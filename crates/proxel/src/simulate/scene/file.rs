@@ -148,9 +148,7 @@ impl SceneFile {
                 let refuse = |e: MeshError| self.refuse(&place, &e.to_string(), "correct it");
                 let mesh = match points_only {
                     false => self.mesh(&file).map_err(refuse)?,
-                    true => {
-                        Mesh { name: file.clone(), points: self.points(&file).map_err(refuse)?, ..Mesh::default() }
-                    }
+                    true => Mesh { name: file.clone(), points: self.points(&file).map_err(refuse)?, ..Mesh::default() },
                 };
                 self.meshes.insert(file, mesh);
             }

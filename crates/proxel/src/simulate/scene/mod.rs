@@ -112,7 +112,13 @@ pub struct SolverSpec {
 impl Default for SolverSpec {
     fn default() -> Self {
         let of = DeformSettings::default();
-        SolverSpec { method: of.method, max_iters: of.max_iters, tol: of.tol, window: of.anderson.aa_admm, penalty: of.admm.penalty }
+        SolverSpec {
+            method: of.method,
+            max_iters: of.max_iters,
+            tol: of.tol,
+            window: of.anderson.aa_admm,
+            penalty: of.admm.penalty,
+        }
     }
 }
 
