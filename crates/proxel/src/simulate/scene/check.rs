@@ -28,7 +28,7 @@ fn not_negative(place: &str, v: f64) -> Checked {
 fn finite(place: &str, v: &[f64]) -> Checked {
     match v.iter().find(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(v) => bad(place, format!("it has a {v}"), "give finite numbers"),
+        Some(v) => bad(place, format!("it has {} {v}", if v.is_nan() { "a" } else { "an" }), "give finite numbers"),
     }
 }
 

@@ -264,6 +264,8 @@ shape = { sphere = { center = [0, -2, 0], radius = 1 } }
             (MINIMAL.replace("[[body]]", "[[body]]\ndensity = -2"), "line 6: body[0].density: it is -2"),
             (MINIMAL.replace("[[body]]", "[[body]]\nvelocity = [0, nan, 0]"), "line 6: body[0].velocity: it has a NaN"),
             (MINIMAL.replace("radius = 1", "radius = 0"), "line 9: obstacle[0].shape.sphere.radius: it is 0"),
+            (MINIMAL.replace("[[body]]", "[[body]]\nvelocity = [0, -inf, 0]"), "body[0].velocity: it has an -inf"),
+            (MINIMAL.replace("sphere", "spere"), "line 9: unknown name `spere`; did you mean `sphere`?"),
             (MINIMAL.replace("radius = 1", "radios = 1"), "unknown key `radios`; did you mean `radius`?"),
             ("[time]\nframes = 2\n".into(), "s.toml: body: there is none"),
             (MINIMAL.replace("generate", "mesh = \"a.obj\"\ngenerate"), "body[0].generate: it has a mesh too"),
