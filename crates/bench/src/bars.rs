@@ -1,10 +1,10 @@
 //! The bars of Zhang et al. 2019, Figures 2 and 3: generated, a step in time after another.
 
 use crate::BenchError;
+use proxel::mesh::generate::{Bars, bars};
 use proxel::model::elements::{Batch, BatchShape, BatchWeights, Stiffness, batch};
 use proxel::model::energy::Lame;
 use proxel::split::{Admm, AdmmSettings, Direct, Inertia, Method, Problem, Quadratic, Term};
-use proxel_testkit::bars::{Bars, bars};
 
 /// Seconds of a step.
 pub const DT: f64 = 1.0 / 30.0;
@@ -80,7 +80,7 @@ impl Scene {
     /// # Errors
     /// A ratio that belongs to no material.
     pub fn new(poisson: f64, cells: [usize; 3]) -> Result<Self, BenchError> {
-        let bars = bars(ENERGIES.len(), cells, 4.0 / cells[0] as f64, 1.75);
+        let bars = bars(ENERGIES.len(), cells, 4.0 / cells[0] as f64, 1.75).map_err(BenchError::from_display)?;
         let lame = Lame::from_young_poisson(YOUNG, poisson).map_err(BenchError::from_display)?;
         let x: Vec<f64> = bars.vertices.iter().flatten().copied().collect();
         let mut scene = Scene { v: vec![0.0; x.len()], x, bars, lame, frame: 1, mu: 1.0, weights: Weights::Bulk };

@@ -14,6 +14,7 @@ use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
 use crate::demo_unwrap::UNWRAP;
 use crate::refusal::Refusal;
+use crate::replay::ReplayArgs;
 use crate::simulate::{SchemaArgs, SimulateArgs};
 use crate::unwrap::UnwrapArgs;
 
@@ -47,6 +48,8 @@ pub enum Command {
     Unwrap(Box<UnwrapArgs>),
     /// Let bodies of a scene move: implicit dynamics with obstacles and hard strain limits.
     Simulate(Box<SimulateArgs>),
+    /// Solve a problem again that --dump has written.
+    Replay(Box<ReplayArgs>),
     /// Print the JSON Schema of an input.
     Schema(SchemaArgs),
     /// Do the same to many meshes, each in a process of its own, and go on where it was left.
@@ -132,19 +135,16 @@ fn demo_names() -> PossibleValuesParser {
     PossibleValuesParser::new([OCTOPUS].into_iter().chain(NAMES).chain([ANIMATION, UNWRAP]))
 }
 
-/// The options that every solving command has.
+/// What every command that solves something writes besides its result, and what ends it.
 #[derive(Args)]
-pub struct SolveArgs {
-    /// The result; the extension names the format.
-    #[arg(long, short, value_name = "FILE", required_unless_present = "show_settings")]
-    pub out: Option<PathBuf>,
+pub struct RunArgs {
     /// A report of the run, as JSON.
     #[arg(long, value_name = "R.json")]
     pub report: Option<PathBuf>,
     /// One row an iteration, as CSV.
     #[arg(long, value_name = "T.csv")]
     pub trace: Option<PathBuf>,
-    /// A picture: of rest, start and result, or of a map coloured by its distortion.
+    /// A picture: of rest, start and result, of a map coloured by its distortion, or of the last frame.
     #[arg(long, value_name = "P.png")]
     pub preview: Option<PathBuf>,
     /// Threads; all processors if not given. The result is the same for any number.
@@ -153,6 +153,35 @@ pub struct SolveArgs {
     /// Stop after so many seconds, with the best result so far (exit status 3).
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub time_limit: Option<f64>,
+    /// Print nothing but errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Print all settings with defaults filled in, and solve nothing.
+    #[arg(long)]
+    pub show_settings: bool,
+}
+
+impl RunArgs {
+    /// Checks what the settings of a problem do not.
+    pub fn check(&self) -> Result<(), Refusal> {
+        if let Some(limit) = self.time_limit.filter(|t| !(*t > 0.0 && t.is_finite())) {
+            return Err(Refusal::new(format!("--time-limit is {limit}; give a positive number of seconds")));
+        }
+        match self.threads {
+            Some(0) => Err(Refusal::new("--threads is 0; give at least 1")),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The options of the commands that make one result.
+#[derive(Args)]
+pub struct SolveArgs {
+    /// The result; the extension names the format.
+    #[arg(long, short, value_name = "FILE", required_unless_present = "show_settings")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: RunArgs,
     /// Stop after so many iterations.
     #[arg(long, value_name = "N", default_value_t = DeformSettings::default().max_iters)]
     pub max_iters: usize,
@@ -161,12 +190,6 @@ pub struct SolveArgs {
     /// residual are below T.
     #[arg(long, value_name = "T", default_value = format!("{:e}", DeformSettings::default().tol), allow_negative_numbers = true)]
     pub tol: f64,
-    /// Print nothing but errors.
-    #[arg(long, short)]
-    pub quiet: bool,
-    /// Print all settings with defaults filled in, as JSON, and solve nothing.
-    #[arg(long)]
-    pub show_settings: bool,
 }
 
 /// Prints all settings, for --show-settings; the exit status.

@@ -24,6 +24,7 @@ mod interrupt;
 mod picture;
 mod progress;
 mod refusal;
+mod replay;
 mod simulate;
 mod unwrap;
 
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Schema(args) => simulate::schema(&args),
         Command::Batch(command) => batch::run(command),
         Command::Demo(args) => demo::run(&args),

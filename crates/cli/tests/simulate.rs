@@ -420,6 +420,20 @@ fn a_resumed_run_has_the_same_bits_and_so_has_any_number_of_threads() {
         assert_eq!(without_seconds("whole"), without_seconds("part"));
         assert_eq!(folder.read("whole/frames.pvd"), folder.read("part/frames.pvd"));
     }
+    // A crash while the next frame is written leaves lines of it, the last one torn: they go.
+    let text = folder.read("whole/frames.jsonl");
+    assert_eq!(text.lines().count(), 11);
+    let (csv, pvd) = (folder.read("whole/frames.csv"), folder.read("whole/frames.pvd"));
+    folder.put("whole/frames.jsonl", &format!("{text}{}", &text.lines().last().unwrap()[..40]));
+    folder.put("whole/frames.csv", &format!("{csv}11,3.6"));
+    folder.put("whole/frames.pvd", pvd.trim_end_matches("</VTKFile>\n"));
+    assert_eq!(go(&folder, "simulate s.toml --out whole --quiet --resume").code, 0);
+    assert_eq!((folder.read("whole/frames.jsonl"), folder.read("whole/frames.csv")), (text.clone(), csv));
+    assert_eq!(folder.read("whole/frames.pvd"), pvd);
+    // Frames that have gone do not come back.
+    folder.put("part/frames.jsonl", &text[..text.len() / 2]);
+    let lost = go(&folder, "simulate s.toml --out part --quiet --resume");
+    assert!(lost.code == 2 && lost.stderr.contains("lost frames"), "{}", lost.stderr);
     // Of another scene, or of nothing, nothing goes on.
     folder.put("s.toml", &scene("dt = 0.02\nframes = 10", SOFT, "", FLOOR.replace("0, 0, 0", "0, -3, 0").as_str()));
     let other = go(&folder, "simulate s.toml --out whole --quiet --resume");

@@ -1,5 +1,6 @@
 //! ADMM and its accelerations on a time step of elastic bars.
 
+use proxel_mesh::generate::{Bars, bars};
 use proxel_model::elements::{Batch, BatchShape, BatchWeights, batch};
 use proxel_model::energy::Lame;
 use proxel_split::{
@@ -7,7 +8,6 @@ use proxel_split::{
     CombinedResidual, Cycle, Direct, DualMap, ForwardResidual, ForwardResidualZxu, History, Inertia, Method, Order,
     Problem, Quadratic, Term, normalized,
 };
-use proxel_testkit::bars::{Bars, bars};
 
 const DT: f64 = 1.0 / 30.0;
 const ENERGIES: [&str; 3] = ["corotated", "neo-hookean", "stvk"];
@@ -79,7 +79,7 @@ fn reached(mut method: Box<dyn Method>, a: f64, most: usize) -> (Vec<usize>, usi
 /// The counts measured with the authors' implementation, within an iteration. Figure 2, soft rubber, frame 1.
 #[test]
 fn the_bars_of_figure_2_take_the_iterations_that_were_measured() {
-    let bars = bars(3, [12, 3, 3], 1.0 / 3.0, 1.75);
+    let bars = bars(3, [12, 3, 3], 1.0 / 3.0, 1.75).expect("cubes");
     let a = bars.mean_edge();
     let problem = || admm(step(&bars, &soft(), 2.0 * DT, false));
     assert_eq!(problem().problem().local_dim(), 14_580);
@@ -109,7 +109,7 @@ fn run(method: &mut dyn Method, steps: usize) {
 
 /// Bars small enough for many runs: one cube wide.
 fn small() -> Bars {
-    bars(3, [4, 1, 1], 1.0, 1.75)
+    bars(3, [4, 1, 1], 1.0, 1.75).expect("cubes")
 }
 
 #[test]

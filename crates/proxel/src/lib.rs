@@ -2,12 +2,13 @@
 //!
 //! This crate is the facade: applications that turn a description (meshes, pins, settings) into a problem for the
 //! splitting engine and its result back into what the user gave. [`deform`] poses bodies, [`keyframes`] move their
-//! handles, [`simulate`] lets them fall.
+//! handles, [`simulate`] lets them fall. [`problem_file`] keeps a problem, to be solved again.
 
 pub mod deform;
 pub mod keyframes;
 pub mod pins;
 pub mod preview;
+pub mod problem_file;
 pub mod report;
 pub mod samples;
 pub mod settings;

@@ -2,11 +2,13 @@
 
 mod method;
 mod newton;
+mod penalty;
 mod rivals;
 mod unwrap;
 
 pub use method::MethodName;
 pub use newton::{NewtonSettings, ProjectionName};
+pub use penalty::PenaltyName;
 pub use rivals::{AndersonWindows, QuasiNewton};
 pub use unwrap::{MapSplitting, UnwrapMethod, UnwrapSettings};
 
@@ -93,6 +95,9 @@ pub struct AdmmSettings {
     pub base_weight: BaseWeight,
     /// Factor of the squared weights, the paper's beta.
     pub weight_scale: f64,
+    /// What they are multiplied by besides.
+    #[serde(default)]
+    pub penalty: PenaltyName,
     /// What candidate weights are taken from.
     pub candidate: Candidate,
     /// Frame of the local variable.
@@ -125,6 +130,7 @@ impl AdmmSettings {
         let paper = AdmmSettings {
             base_weight: BaseWeight::RestHessian,
             weight_scale: 1.0,
+            penalty: PenaltyName::Weights,
             candidate: Candidate::Hessian,
             local_frame: LocalFrame::Eigenvalues,
             reweight_from: 50,
@@ -374,6 +380,7 @@ impl DeformSettings {
         self.lbfgs.check("lbfgs")?;
         self.bcqn.check("bcqn")?;
         positive("weight_scale (--weight-scale)", a.weight_scale)?;
+        a.penalty.check(self.method)?;
         positive("kappa", a.kappa)?;
         positive("weight_min", a.weight_min)?;
         if a.weight_max < a.weight_min || !a.weight_max.is_finite() {

@@ -9,6 +9,7 @@
 //! | WRAPD | polar | [`crate::Lbfgs`] | W(22)-(23) |
 
 use crate::balancing::{Balance, Balancing};
+use crate::penalty::{self, SafePenalty};
 use crate::{
     BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Order,
     Problem, Residual, Residuals, Reweighting, SquaredResiduals, StepReport, SystemError, Term, Trial,
@@ -55,6 +56,7 @@ pub struct Admm {
     cycle: Cycle,
     coupled: Vec<Vec<f64>>, // c(Dx) after the global step of the z-x-u order; else empty
     balancing: Option<Balance>,
+    safe: Option<SafePenalty>,
     settling: Settling,
     iteration: usize,
     energy: Option<EnergyReport>,
@@ -105,6 +107,7 @@ impl Admm {
             cycle: Cycle::PLAIN,
             coupled: Vec::new(),
             balancing: None,
+            safe: None,
             settling: Settling::default(),
             iteration,
             energy: None,
@@ -136,6 +139,46 @@ impl Admm {
     pub fn with_balancing(mut self, balancing: Balancing) -> Self {
         self.balancing = Some(Balance::new(balancing));
         self
+    }
+
+    /// Under a penalty for which Theorem 3.5 of A holds from here on: squared weights are mu times the base weights, and
+    /// z = Dx, u = W^-2 grad g(z), so that Assumption 3.5 holds.
+    ///
+    /// # Errors
+    /// An iteration or a problem that the theorem does not speak of: [`SafePenalty::of`]; a singular system.
+    pub fn with_safe_penalty(mut self) -> Result<Self, SystemError> {
+        self.take_safe_penalty()?;
+        Ok(self)
+    }
+
+    /// The safe penalty, if it has one.
+    pub fn safe_penalty(&self) -> Option<SafePenalty> {
+        self.safe
+    }
+
+    fn take_safe_penalty(&mut self) -> Result<(), SystemError> {
+        let exact = self.is_exact() && self.problem.terms.iter().all(|term| term.is_linear());
+        penalty::check(self.cycle.order, self.cycle.is_plain(), exact, self.is_reweighted())?;
+        self.weigh(1.0);
+        let safe = SafePenalty::of(&mut self.problem, &self.x)?;
+        self.weigh(safe.mu);
+        self.normal.refactor(&self.problem)?;
+        self.settings.global.reset();
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
+            term.couple(&self.x, p);
+            term.dual(p, u);
+            p.iter_mut().zip(u.iter()).for_each(|(p, u)| *p -= u);
+        }
+        self.safe = Some(safe);
+        Ok(())
+    }
+
+    /// Squared weights become mu times the base weights; forces stay.
+    fn weigh(&mut self, mu: f64) {
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
+            term.propose_weights((mu, mu));
+            term.take_weights(p, u);
+        }
     }
 
     /// The terms of its problem.
@@ -174,10 +217,7 @@ impl Admm {
         let Some(mu) = self.balancing.as_mut().and_then(|balance| balance.next(local.gap2, local.moved2)) else {
             return Ok(false);
         };
-        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
-            term.propose_weights((mu, mu));
-            term.take_weights(p, u);
-        }
+        self.weigh(mu);
         self.normal.refactor(&self.problem)?;
         self.settings.global.reset();
         Ok(true)
@@ -417,7 +457,11 @@ impl Method for Admm {
         if let Some(balance) = &mut self.balancing {
             balance.restart();
         }
-        self.problem.check().map_err(|e| SystemError::Factor(e.to_string()))
+        self.problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
+        match self.safe {
+            Some(_) => self.take_safe_penalty(),
+            None => Ok(()),
+        }
     }
 
     fn refactor(&mut self) -> Result<(), SystemError> {

@@ -33,6 +33,7 @@ mod line_search;
 mod method;
 mod newton;
 mod pairs;
+mod penalty;
 mod points;
 mod potential;
 mod problem;
@@ -72,6 +73,7 @@ pub use newton::{
     Cg, CgEnd, CgReport, FactorCost, Found, Hessian, LinearSolver, Newton, NewtonSettings, ProjectionRule, Search,
 };
 pub use pairs::Pairs;
+pub use penalty::{LevelBound, SafePenalty};
 pub use points::PointSpring;
 pub use potential::Potential;
 pub use problem::{Problem, ProblemError, Quadratic};

@@ -1,6 +1,6 @@
 //! What the splitting needs to know of a batch of like elements.
 
-use crate::{Curvature, Cycle, Hardening, Order};
+use crate::{Curvature, Cycle, Hardening, LevelBound, Order};
 use proxel_linalg::sparse::SymPattern;
 
 /// What a local step did, summed over the elements of a batch.
@@ -242,6 +242,12 @@ pub trait Term: Send + Sync {
     /// u <- W^-2 grad g(z), A(21), where [`Term::dual_map`] says that there is such a function; else u stays.
     fn dual(&mut self, z: &[f64], u: &mut [f64]) {
         let _ = (z, u);
+    }
+
+    /// Bounds over the set where g is at most `level`, under the present weights; none where there are none.
+    fn level_bound(&self, level: f64) -> Option<LevelBound> {
+        let _ = level;
+        None
     }
 
     /// 1/2 sum w^2 |c(Dx) - p|^2, its gradient W(12) added to `grad`.

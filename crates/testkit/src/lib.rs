@@ -3,7 +3,6 @@
 //! Nothing here knows Proxel: functions are closures over slices and meshes are plain arrays, so that what they check
 //! cannot have leaked into them.
 
-pub mod bars;
 pub mod differences;
 pub mod meshes;
 pub mod minimize;

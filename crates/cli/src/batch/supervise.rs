@@ -17,7 +17,7 @@ use crate::refusal::Refusal;
 /// The whole batch.
 pub fn run(args: BatchArgs) -> Result<u8, Refusal> {
     args.unwrap.settings()?;
-    if args.unwrap.solve.show_settings {
+    if args.unwrap.solve.run.show_settings {
         return crate::unwrap::run(&args.unwrap);
     }
     if args.own.memory_limit.is_some() && !LIMITS_MEMORY {
@@ -44,7 +44,7 @@ pub fn run(args: BatchArgs) -> Result<u8, Refusal> {
     let processors = std::thread::available_parallelism().map_or(1, |n| n.get());
     let jobs = args.own.jobs.map_or(processors, |n| n as usize).clamp(1, all.len().max(1));
     let run = Run { program, out, options, memory: args.own.memory_limit, threads: (processors / jobs).max(1) };
-    let mut tally = Tally::new(args.unwrap.solve.quiet, all.len(), results.path());
+    let mut tally = Tally::new(args.unwrap.solve.run.quiet, all.len(), results.path());
     let plan = Plan { run: &run, items: &all, before: &before, retry: args.own.retry_failed, asked: &asked };
     let complete = plan.carry_out(jobs, results, &mut tally);
     tally.say();

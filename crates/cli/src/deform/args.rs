@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use proxel::model::energy::{MaterialError, names};
-use proxel::settings::{BaseWeight, DeformSettings, Material, MethodName, ProjectionName, Schedule, SurfaceModel};
+use proxel::settings::{
+    BaseWeight, DeformSettings, Material, MethodName, PenaltyName, ProjectionName, Schedule, SurfaceModel,
+};
 
 use crate::args::{SolveArgs, pair, six, vector};
 use crate::refusal::Refusal;
@@ -65,6 +67,9 @@ pub struct DeformArgs {
     /// Positions to measure the position error against; they change nothing.
     #[arg(long, value_name = "FILE")]
     pub reference: Option<PathBuf>,
+    /// The problem in one file, written before it is solved: `proxel replay` solves it again.
+    #[arg(long, value_name = "FILE.json", conflicts_with = "keyframes")]
+    pub dump: Option<PathBuf>,
     #[command(flatten)]
     pub surface: SurfaceArgs,
     #[command(flatten)]
@@ -176,6 +181,10 @@ pub struct MethodArgs {
     /// Factor of the squared weights.
     #[arg(long, value_name = "BETA", allow_negative_numbers = true)]
     pub weight_scale: Option<f64>,
+    /// What squared weights are multiplied by besides: weights, nothing; safe, the least factor for which the plain iteration
+    /// is proven to descend (admm-pd and aa-admm, stvk, no loads).
+    #[arg(long, value_name = "NAME", value_parser = PenaltyName::NAMES)]
+    pub penalty: Option<String>,
     /// First iteration that may change weights.
     #[arg(long, value_name = "K")]
     pub reweight_from: Option<usize>,
@@ -277,8 +286,8 @@ impl DeformArgs {
         s.resolution = self.surface.resolution.unwrap_or(s.resolution);
         s.tol = self.solve.tol;
         s.max_iters = self.solve.max_iters;
-        s.time_limit = self.solve.time_limit;
-        s.threads = self.solve.threads;
+        s.time_limit = self.solve.run.time_limit;
+        s.threads = self.solve.run.threads;
         if let Some(t) = self.frame_time.filter(|t| *t < 0.0 || t.is_nan()) {
             return Err(Refusal::new(format!("--frame-time is {t}; it must be a number of seconds")));
         }
@@ -316,6 +325,7 @@ impl MethodArgs {
             }),
         );
         set(&mut admm.weight_scale, self.weight_scale);
+        set(&mut admm.penalty, self.penalty.as_deref().and_then(PenaltyName::from_name));
         set(&mut admm.reweight_from, self.reweight_from);
         set(&mut admm.reweight_trigger, self.gamma);
         set(&mut admm.weight_min, self.weight_min);

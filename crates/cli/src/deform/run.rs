@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use proxel::deform::{DeformInput, Deformation, Hooks, Progress, deform, extras};
 use proxel::pins::{HalfSpace, Handles, PinFile};
+use proxel::problem_file::ProblemFile;
 use proxel::report::TraceRow;
 use proxel::settings::DeformSettings;
 use proxel::split::Status;
@@ -49,14 +50,17 @@ pub struct Inputs {
 /// Reads, solves, writes.
 pub fn run(args: &DeformArgs) -> Result<u8, Refusal> {
     let settings = args.settings()?;
-    if args.solve.show_settings {
+    if args.solve.run.show_settings {
         return show_settings(&settings);
     }
     // Clap asks for both unless settings are shown.
     let (Some(rest), Some(out)) = (&args.rest, &args.solve.out) else {
         return Err(Refusal::new("REST and --out are needed; see proxel deform --help"));
     };
-    let s = &args.solve;
+    let s = &args.solve.run;
+    if let Some(dump) = &args.dump {
+        Outputs::default().file("--dump", Some(dump), &["json"])?.check()?;
+    }
     if let Some(keyframes) = &args.keyframes {
         let outlets = Outlets { out: out.clone(), report: s.report.clone(), trace: s.trace.clone() };
         outlets.check()?;
@@ -81,6 +85,9 @@ pub fn run(args: &DeformArgs) -> Result<u8, Refusal> {
     }
     if files.lattice.is_some() && (!inputs.input.rest.tets.is_empty() || inputs.input.rest.faces.is_empty()) {
         return Err(no_lattice(&inputs.input.rest));
+    }
+    if let Some(dump) = &args.dump {
+        ProblemFile::deform(&inputs.input, &settings)?.write(dump)?;
     }
     solve_and_write(inputs, &settings, &files, &interrupt, s.quiet)
 }

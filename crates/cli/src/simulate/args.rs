@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proxel::settings::MethodName;
+use proxel::settings::{MethodName, PenaltyName};
 use proxel::simulate::{Scene, SceneFile, SolverSpec};
 
+use crate::args::RunArgs;
 use crate::refusal::Refusal;
 
 /// The arguments of `proxel simulate`.
@@ -31,6 +32,10 @@ pub struct SimulateArgs {
     /// The minimiser of each step, instead of the scene's.
     #[arg(long, value_name = "NAME", value_parser = method)]
     pub method: Option<MethodName>,
+    /// What squared weights are multiplied by, instead of the scene's: weights, nothing; safe, the least factor for which each
+    /// step is proven to converge (admm and aa-admm, stvk).
+    #[arg(long, value_name = "NAME", value_parser = PenaltyName::NAMES)]
+    pub penalty: Option<String>,
     /// Frames after the start, instead of the scene's.
     #[arg(long, value_name = "N")]
     pub frames: Option<usize>,
@@ -40,27 +45,11 @@ pub struct SimulateArgs {
     /// Tolerance of each step, instead of the scene's.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub tol: Option<f64>,
-    /// Another copy of DIR/report.json.
-    #[arg(long, value_name = "R.json")]
-    pub report: Option<PathBuf>,
-    /// One row an iteration of each step, as CSV.
-    #[arg(long, value_name = "T.csv")]
-    pub trace: Option<PathBuf>,
-    /// A picture of the last frame.
-    #[arg(long, value_name = "P.png")]
-    pub preview: Option<PathBuf>,
-    /// Threads; all processors if not given. The result is the same for any number.
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
-    /// Stop after so many seconds, with all frames complete by then (exit status 3).
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub time_limit: Option<f64>,
-    /// Print nothing but errors.
-    #[arg(long, short)]
-    pub quiet: bool,
-    /// Print the scene with all defaults filled in, as TOML, and simulate nothing.
-    #[arg(long)]
-    pub show_settings: bool,
+    /// The last frame that was begun as a problem in one file: `proxel replay` solves it again.
+    #[arg(long, value_name = "FILE.json")]
+    pub dump: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: RunArgs,
 }
 
 /// The arguments of `proxel schema`.
@@ -78,16 +67,12 @@ fn method(name: &str) -> Result<MethodName, String> {
 impl SimulateArgs {
     /// The scene with the options in the place of its settings.
     pub fn read(&self) -> Result<SceneFile, Refusal> {
-        if let Some(limit) = self.time_limit.filter(|t| !(*t > 0.0 && t.is_finite())) {
-            return Err(Refusal::new(format!("--time-limit is {limit}; give a positive number of seconds")));
-        }
-        if self.threads == Some(0) {
-            return Err(Refusal::new("--threads is 0; give at least 1"));
-        }
+        self.run.check()?;
         let mut file = SceneFile::read(&self.scene)?;
         file.change(|scene: &mut Scene| {
             let solver = &mut scene.solver;
             solver.method = self.method.unwrap_or(solver.method);
+            solver.penalty = self.penalty.as_deref().and_then(PenaltyName::from_name).unwrap_or(solver.penalty);
             solver.max_iters = self.max_iters.unwrap_or(solver.max_iters);
             solver.tol = self.tol.unwrap_or(solver.tol);
             scene.time.frames = self.frames.unwrap_or(scene.time.frames);

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use proxel::problem_file::ProblemFile;
 use proxel::report::{Report, Seconds, TraceRow};
-use proxel::simulate::{Folder, FrameRecord, Hooks, Progress, SceneFile, Simulation, schema as scene_schema};
+use proxel::simulate::{Folder, FrameRecord, Hooks, Progress, SceneFile, Simulation, State, schema as scene_schema};
 
 use super::{SchemaArgs, SimulateArgs};
 use crate::files::{Outputs, peak_bytes, write_text};
@@ -22,20 +23,23 @@ pub fn schema(_: &SchemaArgs) -> Result<u8, Refusal> {
 /// Reads, simulates, writes each frame as it comes.
 pub fn run(args: &SimulateArgs) -> Result<u8, Refusal> {
     let file = args.read()?;
-    if args.show_settings {
+    if args.run.show_settings {
         let text = file.completed()?;
         say!("{}", text.trim_end());
         return Ok(0);
     }
     let Some(out) = &args.out else { return Err(Refusal::new("--out is needed; see proxel simulate --help")) };
     Outputs::default()
-        .file("--report", args.report.as_deref(), &[])?
-        .file("--trace", args.trace.as_deref(), &[])?
-        .file("--preview", args.preview.as_deref(), &["png"])?
+        .file("--report", args.run.report.as_deref(), &[])?
+        .file("--trace", args.run.trace.as_deref(), &[])?
+        .file("--preview", args.run.preview.as_deref(), &["png"])?
+        .file("--dump", args.dump.as_deref(), &["json"])?
         .check()?;
     let interrupt = Interrupt::listen()?;
     let began = Instant::now();
-    let simulation = Simulation::new(&file, args.threads)?;
+    // Of what is dumped nothing may change while it is simulated.
+    let file = if args.dump.is_some() { file.embedded()? } else { file };
+    let simulation = Simulation::new(&file, args.run.threads)?;
     let setup = began.elapsed().as_secs_f64();
     let mut run = Run {
         args,
@@ -46,6 +50,7 @@ pub fn run(args: &SimulateArgs) -> Result<u8, Refusal> {
         written: 0.0,
         worst: ("converged".to_string(), String::new()),
         rows: Vec::new(),
+        begun: None,
     };
     let folder = run.open(out)?;
     run.play(folder, &interrupt)
@@ -60,6 +65,7 @@ struct Run<'a> {
     written: f64,            // seconds spent writing
     worst: (String, String), // status and reason of the worst frame so far
     rows: Vec<String>,       // of the trace
+    begun: Option<State>,    // what the last frame began with, where it is to be dumped
 }
 
 /// How bad an end is: a run is as good as its worst frame.
@@ -104,10 +110,13 @@ impl Run<'_> {
     /// Frame after frame.
     fn play(&mut self, mut folder: Folder, interrupt: &Interrupt) -> Result<u8, Refusal> {
         let total = self.simulation.scene().time.frames;
-        let bar = Bar::of(self.args.quiet, total, "frames");
+        let bar = Bar::of(self.args.run.quiet, total, "frames");
         let cancel = interrupt.solving();
         while self.simulation.frame_count() < total {
             let done = self.simulation.frame_count();
+            if self.args.dump.is_some() {
+                self.begun = Some(self.simulation.state().clone());
+            }
             let record = {
                 let mut on_progress = |p: &Progress| bar.show_frame(done, p.iterations);
                 let rows = &mut self.rows;
@@ -115,11 +124,11 @@ impl Run<'_> {
                     rows.push(format!("{frame},{step},{}", row.to_csv()));
                 };
                 let mut hooks = Hooks { cancel: cancel.clone(), ..Hooks::default() };
-                hooks.time_limit = self.args.time_limit.map(|limit| (self.began, limit));
+                hooks.time_limit = self.args.run.time_limit.map(|limit| (self.began, limit));
                 if bar.is_shown() {
                     hooks.progress = Some(&mut on_progress);
                 }
-                if self.args.trace.is_some() {
+                if self.args.run.trace.is_some() {
                     hooks.trace = Some(&mut on_row);
                 }
                 self.simulation.advance(&mut hooks)
@@ -156,21 +165,25 @@ impl Run<'_> {
         let report = self.report(folder, &status, &reason);
         let text = folder.write_report(&report, self.simulation.ledger())?;
         written.push(folder.path().join("report.json"));
-        if let Some(path) = &self.args.report {
+        if let (Some(path), Some(state)) = (&self.args.dump, &self.begun) {
+            ProblemFile::simulate(self.file, state)?.write(path)?;
+            written.push(path.clone());
+        }
+        if let Some(path) = &self.args.run.report {
             write_text(path, &text)?;
             written.push(path.clone());
         }
-        if let Some(path) = &self.args.trace {
+        if let Some(path) = &self.args.run.trace {
             let header = format!("frame,step,{}", TraceRow::HEADER);
             let rows: Vec<&str> = std::iter::once(&header).chain(&self.rows).map(String::as_str).collect();
             write_text(path, &(rows.join("\n") + "\n"))?;
             written.push(path.clone());
         }
-        if let Some(path) = &self.args.preview {
+        if let Some(path) = &self.args.run.preview {
             self.simulation.preview().write_png(path)?;
             written.push(path.clone());
         }
-        if !self.args.quiet {
+        if !self.args.run.quiet {
             for warning in &report.warnings {
                 eprintln!("warning: {warning}");
             }

@@ -113,8 +113,8 @@ impl UnwrapArgs {
             density: self.density,
             tol: self.solve.tol,
             max_iters: self.solve.max_iters,
-            time_limit: self.solve.time_limit,
-            threads: self.solve.threads,
+            time_limit: self.solve.run.time_limit,
+            threads: self.solve.run.threads,
             ..UnwrapSettings::default()
         };
         settings.check().map_err(Refusal::new)?;

@@ -21,7 +21,7 @@ use crate::refusal::Refusal;
 /// Reads, solves, writes.
 pub fn run(args: &UnwrapArgs) -> Result<u8, Refusal> {
     let settings = args.settings()?;
-    if args.solve.show_settings {
+    if args.solve.run.show_settings {
         return show_settings(&settings);
     }
     // Clap asks for both unless settings are shown.
@@ -30,9 +30,9 @@ pub fn run(args: &UnwrapArgs) -> Result<u8, Refusal> {
     };
     let files = Files {
         out: out.clone(),
-        report: args.solve.report.clone(),
-        trace: args.solve.trace.clone(),
-        map: args.solve.preview.clone(),
+        report: args.solve.run.report.clone(),
+        trace: args.solve.run.trace.clone(),
+        map: args.solve.run.preview.clone(),
         surface: args.preview_3d.clone(),
         heat: args.heatmap.clone(),
     };
@@ -42,7 +42,7 @@ pub fn run(args: &UnwrapArgs) -> Result<u8, Refusal> {
     let input = read(args, path)?;
     original::check(path, out, &input.mesh)?;
     let read = began.elapsed().as_secs_f64();
-    let job = Job { source: Some(path), files: &files, input: &input, read, quiet: args.solve.quiet };
+    let job = Job { source: Some(path), files: &files, input: &input, read, quiet: args.solve.run.quiet };
     job.run(&settings, &interrupt)
 }
 

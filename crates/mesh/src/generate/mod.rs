@@ -1,11 +1,13 @@
 //! Meshes without files: deterministic samples for demonstrations, tests and benches.
 
+mod bars;
 mod grid;
 mod octopus;
 mod shapes;
 mod smoothing;
 mod stuffing;
 
+pub use bars::{Bars, bars};
 pub use grid::{CellSplit, beam, cloth, cube};
 pub use octopus::{Arm, ArmPoint, Octopus, OctopusSettings, octopus};
 pub use shapes::{ball, torus};

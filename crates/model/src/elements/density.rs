@@ -52,6 +52,9 @@ pub trait Density<const K: usize>: Send + Sync {
     /// Whether a solution has no element with a measure of zero or below: [`Energy::PROX_POSITIVE`].
     fn is_positive(&self) -> bool;
 
+    /// [`Energy::level_bound`]
+    fn level_bound(&self, level: f64) -> Option<(f64, f64)>;
+
     /// Replaces the stretches s by d psi / d s.
     fn gradient(&self, s: &mut [f64]);
 
@@ -242,6 +245,10 @@ impl<E: Energy<K>, const K: usize> Density<K> for E {
 
     fn is_positive(&self) -> bool {
         E::PROX_POSITIVE
+    }
+
+    fn level_bound(&self, level: f64) -> Option<(f64, f64)> {
+        Energy::level_bound(self, level)
     }
 
     fn gradient(&self, s: &mut [f64]) {

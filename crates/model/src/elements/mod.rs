@@ -35,7 +35,7 @@ use passes::{Chunk, Largest, Nothing, Piece, Shared, Sizes, over_chunks};
 use proxel_linalg::simd::{LANES, dispatch};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{
-    Curvature, Cycle, DualMap, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term,
+    Curvature, Cycle, DualMap, EnergyReport, Hardening, LevelBound, LocalReport, PenaltyReport, Residual, Scale, Term,
 };
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -369,6 +369,20 @@ where
 
     fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual {
         self.gaps(x, p, u, &mut [])
+    }
+
+    /// Each element may have all of the level: psi <= level / V. That of its g^ is V/w^2 psi.
+    fn level_bound(&self, level: f64) -> Option<LevelBound> {
+        if self.is_hard() || !self.is_linear() {
+            return None;
+        }
+        let mut bound = LevelBound { lipschitz: 0.0, force2: 0.0 };
+        for (v, w2) in self.measure.iter().zip(&self.weight2).take(self.chunks.n_elems()) {
+            let (h, f) = self.energy.level_bound(level / v)?;
+            bound.lipschitz = bound.lipschitz.max(v / w2 * h);
+            bound.force2 = bound.force2.max(v / w2 * f * level);
+        }
+        Some(bound)
     }
 
     fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {

@@ -156,6 +156,14 @@ pub trait Energy<const K: usize>: Clone + Send + Sync + 'static {
         None
     }
 
+    /// Bounds over the deformation gradients F with psi at most `level`, or none: (h, f) such that |P - P'| <= h |F - F'| for
+    /// the stresses P = d psi / dF at any two points of their convex hull, all of which is in the domain, and |P|^2 <= f psi
+    /// on the set itself.
+    fn level_bound(&self, level: f64) -> Option<(f64, f64)> {
+        let _ = level;
+        None
+    }
+
     /// psi_i = d psi / d s_i.
     fn gradient<T: Real>(&self, s: [T; K]) -> [T; K];
 

@@ -41,6 +41,18 @@ impl<const K: usize> Energy<K> for StVenantKirchhoff {
         squares * (0.25 * self.mu) + trace * trace * (0.125 * self.lambda)
     }
 
+    /// With m = mu, less by K |lambda|/2 where lambda is negative, psi >= m |E|^2, so that |E| <= e = sqrt(level / m) and, in the
+    /// spectral norm, which is convex, |F|^2 <= 1 + 2 e; in the hull |E| <= max(1/2, e). With s = 2 mu + K |lambda| the second
+    /// stress S = 2 mu E + lambda tr(E) I has |S| <= s |E|, and P = F S gives |dP| <= |S| |dF| + s |F|^2 |dF|, |P|^2 <= |F|^2 s^2 |E|^2.
+    fn level_bound(&self, level: f64) -> Option<(f64, f64)> {
+        let m = self.mu + (0.5 * K as f64 * self.lambda).min(0.0);
+        let s = 2.0f64.mul_add(self.mu, K as f64 * self.lambda.abs());
+        let e = (level / m).sqrt();
+        let size2 = 1.0 + 2.0 * e;
+        let bounds = (s * (e.max(0.5) + size2), size2 * s * s / m);
+        (m > 0.0 && bounds.0.is_finite() && bounds.1.is_finite()).then_some(bounds)
+    }
+
     /// (mu s_i^2 + lambda sum e - mu) s_i
     #[inline(always)]
     fn gradient<T: Real>(&self, mut s: [T; K]) -> [T; K] {

@@ -26,7 +26,7 @@ pub use watch::{Hooks, Progress};
 
 use crate::pins::HalfSpace;
 use crate::report::{Report, Seconds};
-use crate::settings::{DeformSettings, MethodName};
+use crate::settings::{DeformSettings, MethodName, PenaltyName};
 use embedded::Carrying;
 use proxel_mesh::Mesh;
 use proxel_split::{
@@ -318,8 +318,12 @@ pub(crate) fn method(problem: Problem, settings: &DeformSettings) -> Result<Box<
 }
 
 /// The splitting methods differ in coupling, global step and weights.
-fn splitting(problem: Problem, settings: &DeformSettings) -> Result<Admm, SystemError> {
-    Admm::new(problem, admm_settings(settings))
+pub(crate) fn splitting(problem: Problem, settings: &DeformSettings) -> Result<Admm, SystemError> {
+    let admm = Admm::new(problem, admm_settings(settings))?;
+    match settings.admm.penalty {
+        PenaltyName::Weights => Ok(admm),
+        PenaltyName::Safe => admm.with_safe_penalty(),
+    }
 }
 
 /// The parts of a splitting method.

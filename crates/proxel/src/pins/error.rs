@@ -62,11 +62,14 @@ impl InputError {
         }
     }
 
-    /// Wraps what serde says about a key or a value: the nearest known key becomes the remedy.
+    /// Wraps what serde says about a key or a value: the nearest known key or name becomes the remedy.
     pub(crate) fn from_serde(file: &str, line: Option<usize>, message: &str) -> Self {
         let message = message.lines().next().unwrap_or_default().trim();
         let (what, remedy) = match nearest_key(message) {
-            Some((unknown, known)) => (format!("unknown key `{unknown}`"), format!("did you mean `{known}`?")),
+            Some((unknown, known)) => {
+                let kind = if message.starts_with("unknown variant ") { "name" } else { "key" };
+                (format!("unknown {kind} `{unknown}`"), format!("did you mean `{known}`?"))
+            }
             None => (message.to_owned(), "correct it".to_owned()),
         };
         InputError { file: file.to_owned(), line, what, remedy }
@@ -76,7 +79,8 @@ impl InputError {
 /// From "unknown field `radios`, expected one of `center`, `radius`", or from "unexpected keys in table: radios, available keys:
 /// center, radius" as the TOML reader has it: (`radios`, `radius`), if one of the known is near.
 fn nearest_key(message: &str) -> Option<(&str, &str)> {
-    let (unknown, known): (&str, Vec<&str>) = match message.strip_prefix("unknown field ") {
+    let quoted = message.strip_prefix("unknown field ").or_else(|| message.strip_prefix("unknown variant "));
+    let (unknown, known): (&str, Vec<&str>) = match quoted {
         Some(rest) => {
             let mut quoted = rest.split('`').skip(1).step_by(2);
             (quoted.next()?, quoted.collect())

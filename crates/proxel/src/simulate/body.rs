@@ -8,9 +8,9 @@ use crate::deform::elements::Cells;
 use crate::deform::embedded::{Carrier, Carrying};
 use crate::deform::{DeformInput, sheet};
 use crate::pins::InputError;
-use crate::settings::{AndersonWindows, DeformSettings, Schedule};
+use crate::settings::{AdmmSettings, AndersonWindows, DeformSettings, Schedule};
 use proxel_mesh::generate::{CellSplit, ball, beam, cloth, torus};
-use proxel_mesh::{Mesh, check, read_mesh, read_points};
+use proxel_mesh::{Mesh, check};
 use std::collections::BTreeMap;
 
 type V3 = [f64; 3];
@@ -50,14 +50,14 @@ impl Body {
         let key = if spec.mesh.is_some() { ".mesh" } else { ".generate" };
         let mesh = |e: proxel_mesh::MeshError| refuse(key, &e.to_string());
         let mut rest = match (&spec.mesh, &spec.generate) {
-            (Some(path), _) => read_mesh(&file.path(path)).map_err(mesh)?,
+            (Some(path), _) => file.mesh(path).map_err(mesh)?,
             (None, Some(generate)) => make(generate).map_err(mesh)?,
             (None, None) => Mesh::default(),
         };
         rest.name = spec.name.clone();
         rest.check_indices().and_then(|()| rest.check_repeated()).map_err(mesh)?;
         let mut start = match &spec.start {
-            Some(path) => read_points(&file.path(path)).map_err(|e| refuse(".start", &e.to_string()))?,
+            Some(path) => file.points(path).map_err(|e| refuse(".start", &e.to_string()))?,
             None => rest.points.clone(),
         };
         if start.len() != rest.n_verts() {
@@ -242,8 +242,10 @@ fn make(generate: &Generate) -> Result<Mesh, proxel_mesh::MeshError> {
 fn settings(scene: &Scene, spec: &BodySpec) -> DeformSettings {
     let materials = spec.regions.iter().filter_map(|(k, m)| Some((k.parse().ok()?, m.clone()))).collect();
     let window = scene.solver.window;
+    let of = DeformSettings::of(Schedule::Default);
     DeformSettings {
         method: scene.solver.method,
+        admm: AdmmSettings { penalty: scene.solver.penalty, ..of.admm.clone() },
         anderson: AndersonWindows { aa_admm: window, aadr: window, ..AndersonWindows::default() },
         material: spec.material.clone(),
         materials,
@@ -255,7 +257,7 @@ fn settings(scene: &Scene, spec: &BodySpec) -> DeformSettings {
         resolution: spec.resolution,
         tol: scene.solver.tol,
         max_iters: scene.solver.max_iters,
-        ..DeformSettings::of(Schedule::Default)
+        ..of
     }
 }
 

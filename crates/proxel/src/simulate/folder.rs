@@ -3,29 +3,43 @@
 //! ```text
 //! scene.toml      settings completed          frames.csv    a row a frame
 //! report.json     the report so far           frames.pvd    for ParaView, with BODY_0000.vtu, ..
-//! state.bin       what the next frame begins with; written last
+//! frames.jsonl    all that is known of each   state.bin     what the next frame begins with; written last
 //! ```
+//!
+//! What a frame costs does not depend on how many came before: lists are added to, and the report, which has all frames in
+//! it, is written anew whenever their number has grown by a part of itself.
 
+use super::growing::Growing;
 use super::{Frame, FrameRecord, Scene, SceneFile, SimulateError, State};
 use crate::preview::{Image, animate_pngs};
 use crate::report::Report;
 use proxel_mesh::topology::surface;
 use proxel_mesh::{Fields, MOST_GLTF_FRAMES, Mesh, Polygons, atomic_write, read_points, write_mesh, write_series};
-use serde::{Deserialize, Serialize};
-use std::io::Write;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Where frames go.
 pub struct Folder {
     path: PathBuf,
     scene: Scene,
-    rows: Vec<String>, // of frames.csv
     records: Vec<FrameRecord>,
+    lists: Option<Lists>, // once there is a frame
 }
 
+/// What grows by something a frame.
+struct Lists {
+    table: Growing,   // frames.csv
+    series: Growing,  // frames.pvd
+    records: Growing, // frames.jsonl
+}
+
+/// The report of the frames so far is written with each frame until there are so many, then whenever their number has grown
+/// by that part.
+const REPORTED: usize = 32;
+
 /// report.json: a report, and what is known of the frames.
-#[derive(Serialize, Deserialize)]
-struct WholeReport {
+#[derive(Serialize)]
+struct WholeReport<'a> {
     #[serde(flatten)]
     report: Report,
     /// Frames whose kinetic, elastic and potential energy together is above that of the frame before, where nothing drives
@@ -36,7 +50,7 @@ struct WholeReport {
     momentum_drift: Option<f64>,
     /// |sum m x cross v - its value at the start| over the largest angular momentum so far, likewise.
     angular_momentum_drift: Option<f64>,
-    frames: Vec<FrameRecord>,
+    frames: &'a [FrameRecord],
 }
 
 /// What may change the energy and the momenta of a scene.
@@ -57,13 +71,14 @@ impl Folder {
     /// # Errors
     /// A folder that cannot be made or written to.
     pub fn create(path: &Path, file: &SceneFile) -> Result<Self, SimulateError> {
-        let mut folder = Folder::at(path, file)?;
+        let folder = Folder::at(path, file)?;
         let io = |e: std::io::Error, what: &Path| {
             SimulateError::new(format!("{}: {e}; name another folder", what.display()))
         };
         std::fs::create_dir_all(path).map_err(|e| io(e, path))?;
         // The state first: without it nothing goes on from what is half removed.
-        for name in ["state.bin", "frames.csv", "frames.pvd", "report.json", "scene.glb", "preview.png"] {
+        let own = ["state.bin", "frames.csv", "frames.pvd", "frames.jsonl", "report.json", "scene.glb", "preview.png"];
+        for name in own {
             let old = path.join(name);
             if old.is_file() {
                 std::fs::remove_file(&old).map_err(|e| io(e, &old))?;
@@ -79,7 +94,6 @@ impl Folder {
         }
         let text = file.completed()?;
         atomic_write(&path.join("scene.toml"), |w| w.write_all(text.as_bytes()))?;
-        folder.rows.clear();
         Ok(folder)
     }
 
@@ -104,14 +118,15 @@ impl Folder {
         let state = read("state.bin")
             .and_then(|bytes| State::from_bytes(&bytes))
             .ok_or_else(|| bad("no frame there is complete; leave --resume out".into()))?;
-        let lines = read("frames.csv").and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default();
-        folder.rows = lines.lines().skip(1).take(state.frame() + 1).map(str::to_owned).collect();
-        let report = read("report.json").and_then(|bytes| serde_json::from_slice::<WholeReport>(&bytes).ok());
-        folder.records = report.map(|r| r.frames).unwrap_or_default();
-        folder.records.retain(|r| r.frame <= state.frame());
-        if folder.rows.len() != state.frame() + 1 || folder.records.len() != folder.rows.len() {
-            return Err(bad("frames.csv or report.json has lost frames; leave --resume out".into()));
+        let lines = read("frames.jsonl").and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default();
+        let records = lines.lines().take(state.frame() + 1).map_while(|line| serde_json::from_str(line).ok());
+        folder.records = records.collect();
+        let complete = folder.records.iter().enumerate().all(|(k, record)| record.frame == k);
+        if folder.records.len() != state.frame() + 1 || !complete {
+            return Err(bad("frames.jsonl has lost frames; leave --resume out".into()));
         }
+        // Without what was begun after that frame.
+        folder.lists = Some(folder.lists()?);
         Ok((folder, state))
     }
 
@@ -127,7 +142,7 @@ impl Folder {
         if path.exists() && !path.is_dir() {
             return Err(SimulateError::new(format!("{}: it is a file; name a folder (--out)", path.display())));
         }
-        Ok(Folder { path: path.to_owned(), scene, rows: Vec::new(), records: Vec::new() })
+        Ok(Folder { path: path.to_owned(), scene, records: Vec::new(), lists: None })
     }
 
     fn folders(&self) -> [(bool, &'static str); 3] {
@@ -193,30 +208,51 @@ impl Folder {
         if let Some(image) = preview {
             image.write_png(&self.path.join(format!("preview/{k:04}.png")))?;
         }
-        self.rows.push(frame.record.to_csv());
+        let pieces = (row(&frame.record), self.data_sets(&frame.record), line(&frame.record)?);
         self.records.push(frame.record.clone());
-        atomic_write(&self.path.join("frames.pvd"), |w| self.write_list(w))?;
-        atomic_write(&self.path.join("frames.csv"), |w| {
-            writeln!(w, "{}", FrameRecord::HEADER)?;
-            self.rows.iter().try_for_each(|row| writeln!(w, "{row}"))
-        })?;
-        self.write_report(report, ledger)?;
+        match &mut self.lists {
+            Some(lists) => {
+                let added = lists.table.add(&pieces.0).and_then(|()| lists.series.add(&pieces.1));
+                added.and_then(|()| lists.records.add(&pieces.2)).map_err(SimulateError::new)?;
+            }
+            None => self.lists = Some(self.lists()?),
+        }
+        let n = self.records.len();
+        if n.is_multiple_of((n / REPORTED).max(1)) {
+            self.write_report(report, ledger)?;
+        }
         let bytes = state.to_bytes();
         Ok(atomic_write(&self.path.join("state.bin"), |w| w.write_all(&bytes))?)
     }
 
-    /// ParaView's list of times.
-    fn write_list(&self, w: &mut dyn Write) -> std::io::Result<()> {
-        writeln!(w, r#"<?xml version="1.0"?>"#)?;
-        writeln!(w, r#"<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">"#)?;
-        writeln!(w, "<Collection>")?;
-        for record in &self.records {
-            for (part, body) in self.scene.bodies.iter().enumerate() {
-                let (time, name, k) = (record.time, &body.name, record.frame);
-                writeln!(w, r#"<DataSet timestep="{time}" part="{part}" name="{name}" file="{name}_{k:04}.vtu"/>"#)?;
-            }
-        }
-        writeln!(w, "</Collection>\n</VTKFile>")
+    /// The lists with all frames so far.
+    fn lists(&self) -> Result<Lists, SimulateError> {
+        let at = |name: &str| self.path.join(name);
+        let all = || self.records.iter();
+        let lines = all().map(line).collect::<Result<Vec<String>, _>>()?;
+        let header = format!("{}\n", FrameRecord::HEADER);
+        let head = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n\
+                    <Collection>\n";
+        Ok(Lists {
+            table: Growing::create(&at("frames.csv"), &header, all().map(row), "")?,
+            series: Growing::create(
+                &at("frames.pvd"),
+                head,
+                all().map(|record| self.data_sets(record)),
+                "</Collection>\n</VTKFile>\n",
+            )?,
+            records: Growing::create(&at("frames.jsonl"), "", lines.into_iter(), "")?,
+        })
+    }
+
+    /// The lines of a frame in ParaView's list of times.
+    fn data_sets(&self, record: &FrameRecord) -> String {
+        let (time, k) = (record.time, record.frame);
+        let bodies = self.scene.bodies.iter().enumerate().map(|(part, body)| {
+            let name = &body.name;
+            format!("<DataSet timestep=\"{time}\" part=\"{part}\" name=\"{name}\" file=\"{name}_{k:04}.vtu\"/>\n")
+        });
+        bodies.collect()
     }
 
     /// Writes report.json; returns its text.
@@ -230,7 +266,7 @@ impl Folder {
             energy_growth: self.growth(ledger),
             momentum_drift,
             angular_momentum_drift,
-            frames: self.records.clone(),
+            frames: &self.records,
         };
         let text = serde_json::to_string_pretty(&whole)
             .map_err(|e| SimulateError::new(format!("the report cannot be written: {e}")))?
@@ -310,6 +346,17 @@ impl Folder {
         write_series(&path, &all, frames)?;
         Ok(path)
     }
+}
+
+/// The line of a frame in frames.csv.
+fn row(record: &FrameRecord) -> String {
+    record.to_csv() + "\n"
+}
+
+/// The line of a frame in frames.jsonl.
+fn line(record: &FrameRecord) -> Result<String, SimulateError> {
+    let text = serde_json::to_string(record);
+    Ok(text.map_err(|e| SimulateError::new(format!("a frame cannot be written: {e}")))? + "\n")
 }
 
 fn append(faces: &mut Polygons, more: &Polygons, first: u32) {

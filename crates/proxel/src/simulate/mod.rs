@@ -19,6 +19,7 @@ mod damping;
 mod engine;
 mod folder;
 mod forces;
+mod growing;
 mod obstacles;
 mod picture;
 mod record;
@@ -37,6 +38,7 @@ pub use scene::{
     WindLaw, WindSpec, schema,
 };
 pub use simulation::Simulation;
+pub(crate) use state::PlainState;
 pub use state::State;
 pub use stops::{Hooks, Progress, Trace};
 

@@ -4,7 +4,6 @@ use super::closed_mesh::{ClosedMesh, terrain};
 use super::scene::{ObstacleSpec, SceneFile, ShapeSpec};
 use super::track::Motion;
 use crate::pins::{InputError, RigidMotion, Rotation};
-use proxel_mesh::read_mesh;
 use proxel_mesh::topology::surface;
 use proxel_model::solid::{Brick, Capsule, Cylinder, Ground, Pit, Placed, Placement, Solid, Sphere};
 use std::sync::Arc;
@@ -75,8 +74,8 @@ fn solid(file: &SceneFile, place: &str, shape: &ShapeSpec) -> Result<Built, Inpu
             closed(file, place, points, triangles, *origin)?
         }
         ShapeSpec::Mesh { file: path, scale, rotate, translate } => {
-            let mesh = read_mesh(&file.path(path))
-                .map_err(|e| file.refuse(&format!("{place}.mesh"), &e.to_string(), "correct it"))?;
+            let mesh =
+                file.mesh(path).map_err(|e| file.refuse(&format!("{place}.mesh"), &e.to_string(), "correct it"))?;
             let motion = pose(rotate);
             let points = mesh.points.iter().map(|p| {
                 let p = motion.apply(p.map(|v| v * scale));

@@ -2,7 +2,7 @@
 
 use crate::report::TraceRow;
 use proxel_mesh::{Fields, Mesh};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A frame as numbers: a row of frames.csv, and more for the report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -12,10 +12,13 @@ pub struct FrameRecord {
     /// s
     pub time: f64,
     /// J
+    #[serde(deserialize_with = "finite_or_infinite")]
     pub kinetic: f64,
     /// Energy of elements and of bending, J.
+    #[serde(deserialize_with = "finite_or_infinite")]
     pub elastic: f64,
     /// -sum m g . x, J.
+    #[serde(deserialize_with = "finite_or_infinite")]
     pub potential: f64,
     /// sum m v, kg m/s.
     pub momentum: [f64; 3],
@@ -33,8 +36,10 @@ pub struct FrameRecord {
     /// The combined residual A(11), or A(12), likewise.
     pub combined: Option<f64>,
     /// How far stretches are beyond hard limits, at most.
+    #[serde(deserialize_with = "finite_or_infinite")]
     pub max_strain_violation: f64,
     /// How deep a vertex is in an obstacle, at most, m.
+    #[serde(deserialize_with = "finite_or_infinite")]
     pub max_penetration: f64,
     /// Elements with a measure of zero or below.
     pub inverted: u64,
@@ -44,6 +49,7 @@ pub struct FrameRecord {
     /// The same over vertices that touch nothing.
     pub gradient_off_contact: Option<f64>,
     /// What the gradient had to be below.
+    #[serde(deserialize_with = "finite_or_infinite")]
     pub gradient_bound: f64,
     /// Vertices that press on an obstacle.
     pub contacts: usize,
@@ -53,6 +59,11 @@ pub struct FrameRecord {
     pub reason: String,
     /// Wall time.
     pub seconds: f64,
+}
+
+/// JSON has no infinity: a number that was none is null there.
+fn finite_or_infinite<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(d)?.unwrap_or(f64::INFINITY))
 }
 
 impl FrameRecord {

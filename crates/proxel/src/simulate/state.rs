@@ -1,6 +1,7 @@
 //! All that a simulation carries from frame to frame, as bytes.
 
 use super::contact::Known;
+use serde::{Deserialize, Serialize};
 
 /// What the next frame begins with.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,6 +19,30 @@ pub struct State {
     pub(super) stresses: Vec<f64>,
 }
 
+/// A [`State`] as plain numbers, for files.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PlainState {
+    frame: usize,
+    /// Positions and velocities of nodes, as the solver numbers them, three numbers each.
+    x: Vec<f64>,
+    v: Vec<f64>,
+    /// Those of the step before, and its length.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    before: Option<(Vec<f64>, Vec<f64>, f64)>,
+    /// Forces between points and walls: point, wall, force.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    contacts: Vec<(u32, u32, f64)>,
+}
+
+impl PlainState {
+    /// All its numbers.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = &f64> {
+        let before = self.before.iter().flat_map(|(x, v, h)| x.iter().chain(v).chain([h]));
+        self.x.iter().chain(&self.v).chain(before).chain(self.contacts.iter().map(|c| &c.2))
+    }
+}
+
 /// What the bytes begin with: the format and its version.
 const MAGIC: &[u8; 8] = b"PXLSIM2\n";
 
@@ -25,6 +50,29 @@ impl State {
     /// Frames done.
     pub fn frame(&self) -> usize {
         self.frame
+    }
+
+    pub(crate) fn plain(&self) -> PlainState {
+        PlainState {
+            frame: self.frame,
+            x: self.x.clone(),
+            v: self.v.clone(),
+            before: self.before.clone(),
+            contacts: self.known.iter().map(|((point, wall), force)| (*point, *wall, *force)).collect(),
+        }
+    }
+
+    /// None where lengths do not fit each other, or a point and a wall come twice.
+    pub(crate) fn of_plain(plain: PlainState) -> Option<Self> {
+        let PlainState { frame, x, v, before, contacts } = plain;
+        let n = x.len();
+        let fits = |(y, w, h): &(Vec<f64>, Vec<f64>, f64)| y.len() == n && w.len() == n && *h > 0.0;
+        if v.len() != n || !before.as_ref().is_none_or(fits) {
+            return None;
+        }
+        let count = contacts.len();
+        let known: Known = contacts.into_iter().map(|(point, wall, force)| ((point, wall), force)).collect();
+        (known.len() == count).then_some(State { frame, x, v, before, known })
     }
 
     /// As bytes, numbers in full.

@@ -10,8 +10,12 @@ use crate::vector;
 /// ```
 ///
 /// with c = 0. A point is kept where its combined residual is below eta times the last one; else alpha = 1 and the iteration
-/// goes on from the image before. With c = alpha/alpha_next it is the second method of Guler 1992, whose momentum counts
-/// what the last point was off, too.
+/// goes on from the image before.
+///
+/// With c = alpha/alpha_next ([`Momentum::corrected`]) the recurrence is that of the second method of Guler 1992 for the
+/// proximal point algorithm, G being its resolvent: the momentum counts what the last point was off, too. Kadkhodaie et al.
+/// 2015 (A2DM2) accelerate ADMM by momentum of z and u as well; this is not claimed to be their method line by line, whose
+/// text was not to be had.
 #[derive(Clone, Debug)]
 pub struct Momentum {
     eta: f64,
@@ -99,5 +103,33 @@ mod tests {
         let at = Iterate { q: &[3.0], g: &[4.0], sensed: &[3.0], f: &[1.0] };
         assert_eq!(momentum.next(&at, &mut out), Proposal::default());
         assert_eq!(out, [4.0]);
+    }
+
+    /// The second method of Guler 1992, written out from its estimate sequence: with y the proposals, x their images,
+    /// v the minimisers of the estimates, sigma = 1/alpha_next: v += 2 alpha (x - y), y_next = (1 - sigma) x + sigma v.
+    #[test]
+    fn the_correction_is_that_of_an_estimate_sequence() {
+        // A resolvent of a monotone linear operator in the plane: rotation and scaling, so that nothing is aligned.
+        let image = |q: [f64; 2]| [0.7 * q[0] - 0.2 * q[1] + 1.0, 0.3 * q[0] + 0.6 * q[1] - 2.0];
+        let mut momentum = Momentum::new(0.999).corrected();
+        let mut q = [3.0, -1.0];
+        let (mut y, mut v, mut alpha) = (q, q, 1.0_f64);
+        for k in 0..60 {
+            let (g, x) = (image(q), image(y));
+            let f = [g[0] - q[0], g[1] - q[1]];
+            let mut out = [0.0; 2];
+            momentum.next(&Iterate { q: &q, g: &g, sensed: &q, f: &f }, &mut out);
+            // The first call has no momentum, and no correction either: the sequence begins at its image.
+            if k == 0 {
+                (y, v) = (x, x);
+            } else {
+                v = [0, 1].map(|d| v[d] + 2.0 * alpha * (x[d] - y[d]));
+                let sigma = 2.0 / (1.0 + (1.0 + 4.0 * alpha * alpha).sqrt());
+                y = [0, 1].map(|d| (1.0 - sigma) * x[d] + sigma * v[d]);
+            }
+            alpha = 0.5 * (1.0 + (1.0 + 4.0 * alpha * alpha).sqrt());
+            q = out;
+            assert!((q[0] - y[0]).abs() + (q[1] - y[1]).abs() < 1e-10, "{k}: {q:?} {y:?}");
+        }
     }
 }

@@ -2,10 +2,10 @@
 
 use crate::BenchError;
 use nalgebra::{DMatrix, SymmetricEigen};
+use proxel::mesh::generate::{Bars, bars};
 use proxel::model::elements::{Elements, Linear, Rest};
 use proxel::model::energy::{Energy, Lame, StVenantKirchhoff};
 use proxel::split::{Inertia, NormalMatrix, Problem, Quadratic, Term};
-use proxel_testkit::bars::{Bars, bars};
 
 /// Two cubes of StVK, 1 m each, held at both ends, which have moved apart by `PULLED` on each side.
 pub(super) struct Bar {
@@ -29,7 +29,8 @@ impl Bar {
     /// Never, but for moduli that would make no material.
     pub fn new() -> Result<Self, BenchError> {
         let lame = Lame::from_young_poisson(YOUNG, POISSON).map_err(BenchError::from_display)?;
-        let mut bar = Bar { bars: bars(1, [2, 1, 1], 1.0, 0.0), lame, dt: 1.0 };
+        let bars = bars(1, [2, 1, 1], 1.0, 0.0).map_err(BenchError::from_display)?;
+        let mut bar = Bar { bars, lame, dt: 1.0 };
         // rho(K) grows with dt^2; L depends on the start, which does not depend on dt.
         let constants = Constants::of(&bar)?;
         bar.dt = (BELOW / (2.0 * constants.lipschitz_xzu.max(constants.lipschitz_zxu) * constants.rho)).sqrt();
@@ -125,6 +126,14 @@ impl Constants {
     pub fn gamma_4(&self, mu: f64) -> f64 {
         let k = mu * self.rho;
         k / (1.0 + k) + self.lipschitz_zxu / (mu - self.lipschitz_zxu)
+    }
+
+    /// What the augmented Lagrangian falls by at least in a step of the z-x-u iteration after the first, by the proof of
+    /// Theorem 3.6: the factors of |W A (x^{k+1} - x^k)|^2 and of |W B (z^{k+1} - z^k)|^2 with the penalty in W,
+    /// 1/2 - 4/(mu eta)^2 and (1 - L/mu)/2 - (4 (rho/eta)^2 + 2) (L/mu)^2.
+    pub fn descent_zxu(&self, mu: f64) -> (f64, f64) {
+        let l = self.lipschitz_zxu / mu;
+        (0.5 - 4.0 / (mu * self.eta).powi(2), 0.5 * (1.0 - l) - (4.0 * (self.rho / self.eta).powi(2) + 2.0) * l * l)
     }
 
     pub fn describe(&self) -> String {

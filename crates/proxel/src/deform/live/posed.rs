@@ -7,7 +7,7 @@ use super::super::{
 };
 use super::Frame;
 use super::stops::{Budget, Iterations, spent};
-use crate::settings::{DeformSettings, MethodName};
+use crate::settings::{DeformSettings, MethodName, PenaltyName};
 use proxel_split::{
     Admm, Auto, AutoSettings, Cancel, EnergyReport, GradientTolerance, Method, NoProgress, Outcome, Parts, PointSpring,
     Problem, ResidualTolerance, Status, Stop, respond,
@@ -102,9 +102,11 @@ impl Posed {
         check_method(&problem, &self.settings)?;
         let name = self.settings.method;
         let accelerated = self.settings.anderson.others > 0;
+        // It belongs to a start, and is worked out anew at each.
+        let safe = self.settings.admm.penalty == PenaltyName::Safe;
         let kind = match name {
             MethodName::Auto => true,
-            MethodName::Wrapd | MethodName::RAdmm | MethodName::WAdmm | MethodName::AdmmPd => !accelerated,
+            MethodName::Wrapd | MethodName::RAdmm | MethodName::WAdmm | MethodName::AdmmPd => !accelerated && !safe,
             _ => false,
         };
         if !kind {

@@ -3,7 +3,7 @@
 
 use super::{Solved, Task};
 use crate::deform::constraints::{OBSTACLE_WEIGHT, shared};
-use crate::deform::{admm_settings, method};
+use crate::deform::{method, splitting};
 use crate::settings::{DeformSettings, MethodName};
 use crate::simulate::SimulateError;
 use crate::simulate::contact::{Known, Walls};
@@ -45,7 +45,7 @@ impl Splitting {
         let hard = problem.has_hard_sets();
         let method = match settings.method {
             MethodName::Lbfgs | MethodName::Bcqn => method(problem, settings)?,
-            _ => accelerated(Admm::new(problem, admm_settings(settings))?, solver, hard)
+            _ => accelerated(splitting(problem, settings)?, solver, hard)
                 .map_err(|e| SimulateError::new(format!("solver: {e}")))?,
         };
         Ok(Splitting { method, walls, hard, inertia, reweighted: false, fresh: None })

@@ -2,7 +2,7 @@
 
 use super::{BodySpec, Generate, ObstacleSpec, Scene, ShapeSpec};
 use crate::pins::Rotation;
-use crate::settings::Material;
+use crate::settings::{Material, PenaltyName};
 use std::collections::BTreeSet;
 
 /// Where, what is wrong there, and what to do.
@@ -28,7 +28,7 @@ fn not_negative(place: &str, v: f64) -> Checked {
 fn finite(place: &str, v: &[f64]) -> Checked {
     match v.iter().find(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(v) => bad(place, format!("it has a {v}"), "give finite numbers"),
+        Some(v) => bad(place, format!("it has {} {v}", if v.is_nan() { "a" } else { "an" }), "give finite numbers"),
     }
 }
 
@@ -131,6 +131,7 @@ fn capabilities(scene: &Scene) -> Checked {
             return bad(&place, what, "use auto, newton, wrapd, r-admm, w-admm, aa-admm or admm");
         }
     }
+    safe_penalty(scene, limited)?;
     let rough = scene.obstacles.iter().position(|o| o.friction > 0.0);
     if let Some(k) = rough
         && !super::super::has_finish(method)
@@ -143,6 +144,30 @@ fn capabilities(scene: &Scene) -> Checked {
         return bad("solver.method", what, "use auto, newton, wrapd, r-admm, w-admm, aa-admm or admm");
     }
     Ok(())
+}
+
+/// What a safe penalty is proven for.
+fn safe_penalty(scene: &Scene, limited: Option<usize>) -> Checked {
+    if scene.solver.penalty != PenaltyName::Safe {
+        return Ok(());
+    }
+    let place = "solver.penalty";
+    if let Err(what) = scene.solver.penalty.check(scene.solver.method) {
+        return bad(place, what, "or leave it out");
+    }
+    if !scene.obstacles.is_empty() || limited.is_some() {
+        let what = "`safe` is proven without obstacles and strain limits only".into();
+        return bad(place, what, "leave it out, or them");
+    }
+    let lipschitz = |m: &Material| m.energy == "stvk";
+    match scene.bodies.iter().position(|b| !lipschitz(&b.material) || !b.regions.values().all(lipschitz)) {
+        Some(k) => bad(
+            place,
+            format!("`safe` is proven for stvk only, and body[{k}] is of another"),
+            "leave it out, or use stvk",
+        ),
+        None => Ok(()),
+    }
 }
 
 fn body(place: &str, b: &BodySpec) -> Checked {

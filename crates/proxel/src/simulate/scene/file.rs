@@ -3,6 +3,8 @@
 use super::locate::{line_in_json, line_in_toml};
 use super::{Scene, check};
 use crate::pins::InputError;
+use proxel_mesh::{Mesh, MeshError, read_mesh, read_points};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A scene as it was read, with what messages need.
@@ -13,6 +15,7 @@ pub struct SceneFile {
     json: bool,
     folder: PathBuf,
     scene: Scene,
+    meshes: BTreeMap<String, Mesh>, // in the place of the files that the scene names
 }
 
 impl SceneFile {
@@ -58,7 +61,7 @@ impl SceneFile {
                 InputError::from_serde(&name, Some(e.line()).filter(|&l| l > 0), message)
             }),
         };
-        let mut file = SceneFile { name, text, json, folder, scene: scene? };
+        let mut file = SceneFile { name, text, json, folder, scene: scene?, meshes: BTreeMap::new() };
         file.scene.name_all();
         check::check(&file.scene).map_err(|(place, what, remedy)| file.refuse(&place, &what, remedy))?;
         Ok(file)
@@ -97,12 +100,95 @@ impl SceneFile {
                 whole(file);
             }
         }
-        toml::to_string(&scene)
+        self.to_toml(&scene)
+    }
+
+    fn to_toml(&self, scene: &Scene) -> Result<String, InputError> {
+        toml::to_string(scene)
             .map_err(|e| InputError::new(&self.name, format!("it cannot be written: {e}"), "check its numbers"))
     }
 
+    /// The scene with everything filled in, as TOML; files are named as they are in it.
+    ///
+    /// # Errors
+    /// A scene that TOML cannot hold.
+    pub(crate) fn as_toml(&self) -> Result<String, InputError> {
+        self.to_toml(&self.scene)
+    }
+
+    /// The files that the scene names, each with its place and whether its positions alone are wanted.
+    fn named(&self) -> Vec<(String, &str, bool)> {
+        let mut out = Vec::new();
+        for (k, body) in self.scene.bodies.iter().enumerate() {
+            out.extend(body.mesh.iter().map(|file| (format!("body[{k}].mesh"), file.as_str(), false)));
+            out.extend(body.start.iter().map(|file| (format!("body[{k}].start"), file.as_str(), true)));
+        }
+        for (k, obstacle) in self.scene.obstacles.iter().enumerate() {
+            if let super::ShapeSpec::Mesh { file, .. } = &obstacle.shape {
+                out.push((format!("obstacle[{k}].shape.mesh"), file.as_str(), false));
+            }
+        }
+        out
+    }
+
+    /// Reads all files that the scene names now, and no file later.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn embedded(mut self) -> Result<Self, InputError> {
+        // Whole meshes first: what is a start elsewhere then has its positions.
+        for points_only in [false, true] {
+            let wanted: Vec<(String, String)> = self
+                .named()
+                .into_iter()
+                .filter(|(_, file, points)| *points == points_only && !self.meshes.contains_key(*file))
+                .map(|(place, file, _)| (place, file.to_owned()))
+                .collect();
+            for (place, file) in wanted {
+                let refuse = |e: MeshError| self.refuse(&place, &e.to_string(), "correct it");
+                let mesh = match points_only {
+                    false => self.mesh(&file).map_err(refuse)?,
+                    true => Mesh { name: file.clone(), points: self.points(&file).map_err(refuse)?, ..Mesh::default() },
+                };
+                self.meshes.insert(file, mesh);
+            }
+        }
+        Ok(self)
+    }
+
+    /// Puts a mesh in the place of a file.
+    pub(crate) fn embed(&mut self, file: String, mesh: Mesh) {
+        self.meshes.insert(file, mesh);
+    }
+
+    /// The meshes in the place of files.
+    pub(crate) fn meshes(&self) -> impl Iterator<Item = (&String, &Mesh)> {
+        self.meshes.iter()
+    }
+
+    /// A file that the scene names and that would have to be read.
+    pub(crate) fn missing(&self) -> Option<&str> {
+        self.named().into_iter().map(|(_, file, _)| file).find(|file| !self.meshes.contains_key(*file))
+    }
+
+    /// The mesh of a file that the scene names.
+    pub(in crate::simulate) fn mesh(&self, file: &str) -> Result<Mesh, MeshError> {
+        match self.meshes.get(file) {
+            Some(mesh) => Ok(mesh.clone()),
+            None => read_mesh(&self.path(file)),
+        }
+    }
+
+    /// The positions of a file that the scene names.
+    pub(in crate::simulate) fn points(&self, file: &str) -> Result<Vec<[f64; 3]>, MeshError> {
+        match self.meshes.get(file) {
+            Some(mesh) => Ok(mesh.points.clone()),
+            None => read_points(&self.path(file)),
+        }
+    }
+
     /// Where a file that the scene names is.
-    pub(in crate::simulate) fn path(&self, file: &str) -> PathBuf {
+    fn path(&self, file: &str) -> PathBuf {
         self.folder.join(file)
     }
 
@@ -178,6 +264,8 @@ shape = { sphere = { center = [0, -2, 0], radius = 1 } }
             (MINIMAL.replace("[[body]]", "[[body]]\ndensity = -2"), "line 6: body[0].density: it is -2"),
             (MINIMAL.replace("[[body]]", "[[body]]\nvelocity = [0, nan, 0]"), "line 6: body[0].velocity: it has a NaN"),
             (MINIMAL.replace("radius = 1", "radius = 0"), "line 9: obstacle[0].shape.sphere.radius: it is 0"),
+            (MINIMAL.replace("[[body]]", "[[body]]\nvelocity = [0, -inf, 0]"), "body[0].velocity: it has an -inf"),
+            (MINIMAL.replace("sphere", "spere"), "line 9: unknown name `spere`; did you mean `sphere`?"),
             (MINIMAL.replace("radius = 1", "radios = 1"), "unknown key `radios`; did you mean `radius`?"),
             ("[time]\nframes = 2\n".into(), "s.toml: body: there is none"),
             (MINIMAL.replace("generate", "mesh = \"a.obj\"\ngenerate"), "body[0].generate: it has a mesh too"),

@@ -1,5 +1,8 @@
 //! The stacked bars of Zhang et al. 2019, Figures 2 and 3, of any size.
 
+use super::{CellSplit, beam};
+use crate::error::Result;
+
 /// Bars of cubes, each cube in five tetrahedra in the same way, so that the diagonals on faces between cubes do not match.
 /// Both ends of each are held.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,40 +15,29 @@ pub struct Bars {
     pub tets: Vec<Vec<[u32; 4]>>,
 }
 
-/// Corners of the tetrahedra of a cube; corner c stands at (c & 1, c >> 1 & 1, c >> 2).
-const CUBE: [[usize; 4]; 5] = [[7, 4, 1, 5], [4, 1, 2, 7], [4, 7, 2, 6], [1, 2, 7, 3], [4, 2, 1, 0]];
-
 /// `count` bars of `cells` cubes with the given edge, centred in x and z, `apart` from centre to centre in y.
-pub fn bars(count: usize, cells: [usize; 3], edge: f64, apart: f64) -> Bars {
-    let [nx, ny, nz] = cells;
-    let n = (nx + 1) * (ny + 1) * (nz + 1);
-    let place = |v: usize| {
-        let (bar, v) = (v / n, v % n);
-        let at = |i: usize, n: usize| edge * (i as f64 - 0.5 * n as f64);
-        let (i, j, k) = (v % (nx + 1), v / (nx + 1) % (ny + 1), v / ((nx + 1) * (ny + 1)));
-        [at(i, nx), at(j, ny) + apart * (0.5 * (count - 1) as f64 - bar as f64), at(k, nz)]
-    };
-    let is_held = |v: &usize| matches!(v % (nx + 1), i if i == 0 || i == nx);
+///
+/// # Errors
+/// As [`super::beam`].
+pub fn bars(count: usize, cells: [usize; 3], edge: f64, apart: f64) -> Result<Bars> {
+    let one = beam(cells, cells.map(|n| edge * n as f64), CellSplit::FiveAlike)?;
+    let n = one.points.len();
+    let along = cells[0] + 1;
+    let is_held = |v: &usize| matches!(v % along, i if i == 0 || i + 1 == along); // x is the fastest
     let mut order: Vec<usize> = (0..count * n).collect();
-    order.sort_by_key(|v| (is_held(v), *v));
+    order.sort_by_key(|v| (is_held(&(v % n)), *v));
     let mut number = vec![0; order.len()];
     order.iter().enumerate().for_each(|(place, v)| number[*v] = place as u32);
-    let mut tets = vec![Vec::new(); count];
-    for (bar, tets) in tets.iter_mut().enumerate() {
-        for k in 0..nz {
-            for j in 0..ny {
-                for i in 0..nx {
-                    let corner = |c: usize| {
-                        let (x, y, z) = (i + (c & 1), j + (c >> 1 & 1), k + (c >> 2));
-                        number[bar * n + x + (nx + 1) * (y + (ny + 1) * z)]
-                    };
-                    tets.extend(CUBE.map(|tet| tet.map(corner)));
-                }
-            }
-        }
-    }
-    let n_free = order.iter().filter(|v| !is_held(v)).count();
-    Bars { vertices: order.iter().map(|v| place(*v)).collect(), n_free, tets }
+    let of_bar = |bar: usize| one.tets.iter().map(|tet| tet.map(|v| number[bar * n + v as usize])).collect();
+    let place = |v: &usize| {
+        let [x, y, z] = one.points[v % n];
+        [x, y + apart * (0.5 * (count - 1) as f64 - (v / n) as f64), z]
+    };
+    Ok(Bars {
+        vertices: order.iter().map(place).collect(),
+        n_free: order.iter().filter(|v| !is_held(&(*v % n))).count(),
+        tets: (0..count).map(of_bar).collect(),
+    })
 }
 
 impl Bars {
@@ -89,7 +81,7 @@ mod tests {
 
     #[test]
     fn the_bars_of_the_paper() {
-        let bars = bars(3, [12, 3, 3], 1.0 / 3.0, 1.75);
+        let bars = bars(3, [12, 3, 3], 1.0 / 3.0, 1.75).unwrap();
         assert_eq!((bars.vertices.len(), bars.n_free), (624, 624 - 96));
         assert!(bars.tets.iter().all(|tets| tets.len() == 540));
         // Theirs are of 32-bit coordinates.
