@@ -21,8 +21,10 @@ mod folder;
 mod forces;
 mod obstacles;
 mod picture;
+mod place;
 mod record;
 mod scene;
+mod scenery;
 mod simulation;
 mod state;
 mod stops;
@@ -30,6 +32,7 @@ mod track;
 mod world;
 
 pub use folder::{Folder, Ledger};
+pub use place::BodyState;
 pub use record::{Frame, FrameRecord};
 pub use scene::{
     BodySpec, DampingSpec, ForceSpec, Generate, Integrator, MotionKey, ObstacleSpec, OutputSpec, PinSpec, Scene,
