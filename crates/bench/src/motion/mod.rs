@@ -4,10 +4,12 @@
 //! Everything is as in the authors' implementation: corotated elements without a volume term and w^2 = k V for all of them,
 //! masses lumped to vertices, no damping, every vertex of a solid split off for contact. A step begins at x = x~, u = 0.
 
+mod ours;
 mod scenes;
 mod walls;
 mod wind;
 
+pub use ours::{Ended, Scene};
 pub use scenes::{Body, Find, cylinders, flag, pit, simulation};
 pub use walls::Walls;
 pub use wind::Wind;
@@ -30,7 +32,7 @@ const SOFT_RUBBER: (f64, f64) = (1e7, 0.399);
 /// How a step is split.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Splitting {
-    /// z = Dx, w^2 = mu k V: the paper's, with its penalty mu.
+    /// z = Dx, w^2 = k V: the paper's.
     #[default]
     Linear,
     /// z is the stretch of the polar decomposition of Dx: R-ADMM.
@@ -52,8 +54,6 @@ pub struct Moving {
     x: Vec<f64>,
     v: Vec<f64>,
     frames: usize, // done
-    /// Factor of the squared weights.
-    pub mu: f64,
 }
 
 impl Moving {
@@ -83,7 +83,6 @@ impl Moving {
             elements,
             body,
             frames: 0,
-            mu: 1.0,
         };
         moving.weigh()?;
         Ok(moving)
@@ -131,13 +130,13 @@ impl Moving {
     }
 
     /// The problem of the next step: min 1/(2 dt^2) |x - x~|_M^2 + sum g(z), A(28), with strains within their limits and
-    /// vertices in front of walls.
+    /// vertices in front of walls; `mu` multiplies all squared weights.
     ///
     /// # Errors
     /// Elements that cannot be used.
-    pub fn problem(&self, splitting: Splitting) -> Result<Problem, BenchError> {
+    pub fn problem(&self, splitting: Splitting, mu: f64) -> Result<Problem, BenchError> {
         let Body { lame, limits, walls, .. } = &self.body;
-        let weights = |_| BatchWeights { base: self.mu * lame.bulk(), softening: 1.0 };
+        let weights = |_| BatchWeights { base: mu * lame.bulk(), softening: 1.0 };
         let of = Batch {
             shape: self.body.shape,
             positions: &self.rest,
@@ -155,7 +154,7 @@ impl Moving {
         if let Some(walls) = walls {
             let soft = Lame::from_young_poisson(SOFT_RUBBER.0, SOFT_RUBBER.1).map_err(BenchError::from_display)?.bulk();
             let nodes = Points::of_nodes((0..self.n_free as u32).collect());
-            let weight2 = vec![self.mu * 2.0 * soft; self.n_free];
+            let weight2 = vec![mu * 2.0 * soft; self.n_free];
             terms.push(Box::new(Obstacle::new(walls.clone(), nodes, weight2, self.body.size())));
         }
         let x0 = self.start();
@@ -169,7 +168,7 @@ impl Moving {
     ///
     /// # Errors
     /// A problem that does not fit together.
-    pub fn admm(&self, splitting: Splitting) -> Result<Admm, BenchError> {
+    pub fn admm(&self, splitting: Splitting, mu: f64) -> Result<Admm, BenchError> {
         let ours = DeformSettings::default().admm;
         let settings = AdmmSettings {
             name: "admm".to_string(),
@@ -180,7 +179,7 @@ impl Moving {
             reweighting: (splitting == Splitting::PolarReweighted).then(|| ours.reweighting(true)),
             renewed_at: None,
         };
-        Admm::new(self.problem(splitting)?, settings).map_err(BenchError::from_display)
+        Admm::new(self.problem(splitting, mu)?, settings).map_err(BenchError::from_display)
     }
 
     /// Solves the next step by Algorithm 4 with m = 6 and goes on to the one after.
@@ -189,7 +188,7 @@ impl Moving {
     /// A step that fails.
     pub fn advance(&mut self, iterations: usize) -> Result<(), BenchError> {
         let anderson = Acceleration::anderson(Algorithm::Four, 6);
-        let mut method = anderson.of(self.admm(Splitting::Linear)?).map_err(BenchError::from_display)?;
+        let mut method = anderson.of(self.admm(Splitting::Linear, 1.0)?).map_err(BenchError::from_display)?;
         // The cycle that makes the first z and u is none of the iterations.
         for _ in 0..=iterations {
             method.step().map_err(BenchError::from_display)?;
@@ -210,6 +209,11 @@ impl Moving {
     pub fn vertices(&self, x: &[f64]) -> Vec<[f64; 3]> {
         let at = |place: &u32| [0, 1, 2].map(|d| x.get(3 * *place as usize + d).copied().unwrap_or(f64::NAN));
         self.place.iter().map(at).collect()
+    }
+
+    /// Numbers in the mesh's order, from one a vertex in the solver's.
+    pub fn of_vertices(&self, values: &[f64]) -> Vec<f64> {
+        self.place.iter().map(|place| values.get(*place as usize).copied().unwrap_or(f64::NAN)).collect()
     }
 
     /// Positions in the solver's order from vertices in the mesh's.
@@ -270,6 +274,6 @@ impl Moving {
     /// # Errors
     /// As [`Self::problem`].
     pub fn objective(&self, x: &[f64]) -> Result<f64, BenchError> {
-        Ok(self.problem(Splitting::Linear)?.energy(x, None).value)
+        Ok(self.problem(Splitting::Linear, 1.0)?.energy(x, None).value)
     }
 }
