@@ -6,6 +6,8 @@
 
 mod ours;
 mod scenes;
+#[cfg(test)]
+mod tests;
 mod walls;
 mod wind;
 
