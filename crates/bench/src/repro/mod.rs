@@ -269,7 +269,9 @@ pub fn run(name: &str, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<
         Kind::Standalone => "Data: none needed.".to_string(),
         Kind::Moving => String::new(),
     };
-    let _ = writeln!(context.text, "{described}\n");
+    if !described.is_empty() {
+        let _ = writeln!(context.text, "{described}\n");
+    }
     if needs_models {
         context.tell(&described);
         if context.models.is_empty() {

@@ -3,6 +3,8 @@
 use super::course::{Course, Residual};
 use super::measured::{self, Measured};
 use super::{level, panel};
+use crate::BenchError;
+use crate::motion::Moving;
 use crate::plot::{Axis, Line, Panel};
 use crate::table::{Table, seconds};
 
@@ -12,7 +14,7 @@ pub(super) const LEVELS: [f64; 12] = [10.0, 1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e
 /// Iterations to levels of the forward residual, and what is left after some: of each run that has residuals, and of those
 /// measured with the authors' implementation.
 pub(super) fn residuals(courses: &[&Course], levels: &[f64], after: usize) -> Table {
-    let head = ["method".to_string()].into_iter().chain(levels.iter().map(|l| level(*l)));
+    let head = ["method".to_string(), "first".to_string()].into_iter().chain(levels.iter().map(|l| level(*l)));
     let tail = [format!("after {after}"), "violation then".to_string(), "ms an iteration".to_string()];
     let mut table = Table::new(head.chain(tail));
     for course in courses.iter().filter(|c| c.has(Residual::Forward)) {
@@ -30,7 +32,8 @@ pub(super) fn residuals(courses: &[&Course], levels: &[f64], after: usize) -> Ta
             then.map_or("-".to_string(), |p| format!("{:.2e}", p.violation)),
             seconds(1e3 * course.median()),
         ];
-        table.row([course.method.clone()].into_iter().chain(levels.iter().map(cell)).chain(tail));
+        let first = course.points.first().map_or("-".to_string(), |p| format!("{:.3e}", p.forward));
+        table.row([course.method.clone(), first].into_iter().chain(levels.iter().map(cell)).chain(tail));
     }
     for m in courses.first().map_or_else(Vec::new, |c| measured::of(&c.problem)) {
         let cell = |of: &f64| match m.points.iter().find(|p| p.1 == *of) {
@@ -38,7 +41,9 @@ pub(super) fn residuals(courses: &[&Course], levels: &[f64], after: usize) -> Ta
             None => "".to_string(),
         };
         let tail = [measured_end(m), m.violation.map_or(String::new(), |v| format!("{v}")), String::new()];
-        table.row([format!("{}, the authors'", m.method)].into_iter().chain(levels.iter().map(cell)).chain(tail));
+        let first = m.points.iter().find(|p| p.0 == 1).map_or(String::new(), |p| p.1.to_string());
+        table
+            .row([format!("{}, the authors'", m.method), first].into_iter().chain(levels.iter().map(cell)).chain(tail));
     }
     table
 }
@@ -51,22 +56,23 @@ fn measured_end(m: &Measured) -> String {
     }
 }
 
-/// Iterations and seconds to position errors.
-pub(super) fn positions(courses: &[&Course]) -> Table {
+/// Iterations and seconds to position errors, and where runs end.
+pub(super) fn positions(moving: &Moving, courses: &[&Course]) -> Result<Table, BenchError> {
     const SHOWN: [f64; 5] = [0.1, 1e-2, 1e-3, 1e-4, 1e-6];
     let head = ["method".to_string()].into_iter().chain(SHOWN.iter().map(|l| level(*l)));
-    let mut table = Table::new(head.chain(["at the end".to_string(), "violation at the end".to_string()]));
-    for course in courses.iter().filter(|c| c.has(Residual::Position)) {
+    let mut table = Table::new(head.chain(["at the end", "objective, J", "violation"].map(String::from)));
+    for course in courses {
         let cell = |of: &f64| match course.reached(Residual::Position, *of) {
             None => "-".to_string(),
             Some(p) => format!("{} ({} s)", p.iteration, seconds(p.seconds)),
         };
+        let objective = format!("{:.6e}", moving.objective(&course.x)?);
         let tail = course.points.last().map_or_else(Default::default, |p| {
-            [format!("{:.1e} after {}", p.position, p.iteration), format!("{:.1e}", p.violation)]
+            [format!("{:.1e} after {}", p.position, p.iteration), objective, format!("{:.1e}", p.violation)]
         });
         table.row([course.method.clone()].into_iter().chain(SHOWN.iter().map(cell)).chain(tail));
     }
-    table
+    Ok(table)
 }
 
 /// Forward residuals against iterations, with what the authors' implementation was measured to do, and against seconds.
