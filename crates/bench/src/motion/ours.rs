@@ -106,7 +106,7 @@ impl Scene {
         let mut trace = Vec::new();
         let mut keep = |_: usize, _: usize, row: &TraceRow| {
             if row.iteration > 0 {
-                trace.push(row.clone());
+                trace.push(*row);
             }
         };
         let mut hooks = Hooks { trace: Some(&mut keep), ..Hooks::default() };

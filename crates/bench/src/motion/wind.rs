@@ -23,7 +23,7 @@ impl Wind {
             let (p, q) = ([0, 1, 2].map(|d| b[d] - a[d]), [0, 1, 2].map(|d| c[d] - a[d]));
             let n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
             let double = n.iter().map(|n| n * n).sum::<f64>().sqrt();
-            if !(double > 0.0) {
+            if double == 0.0 {
                 continue;
             }
             let [u0, u1, u2] = [0, 1, 2].map(|k| at(v, k));
