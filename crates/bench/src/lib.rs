@@ -14,6 +14,7 @@ pub mod disks;
 mod error;
 pub mod maps;
 pub mod metric;
+pub mod motion;
 pub mod parts;
 pub mod plot;
 pub mod published;

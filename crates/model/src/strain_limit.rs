@@ -286,7 +286,7 @@ impl Half {
             }
         }
         let mut positive = [[0.0; 3]; 3];
-        for (n, lambda) in lambda.iter().enumerate().filter(|(_, lambda)| !(**lambda <= 0.0)) {
+        for (n, lambda) in lambda.iter().enumerate().filter(|(_, lambda)| **lambda > 0.0 || lambda.is_nan()) {
             for i in 0..3 {
                 for j in 0..3 {
                     positive[i][j] += lambda * q[i][n] * q[j][n];

@@ -55,13 +55,15 @@ pub enum Kind {
     Maps,
     /// It makes what it needs.
     Standalone,
+    /// Bodies in motion, from files or stand-ins; it says itself which.
+    Moving,
 }
 
 /// Models that solve fast.
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 23] = [
+pub const ALL: [Reproduction; 26] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -203,6 +205,27 @@ pub const ALL: [Reproduction; 23] = [
         run: aa::figure3::run,
     },
     Reproduction {
+        name: "aa-figure4",
+        about: "a flag with hard strain limits in the wind: Algorithm 4 and others on three frames, what converges, pictures",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::figure4::run,
+    },
+    Reproduction {
+        name: "aa-figure5",
+        about: "a horse falls into a pit: Algorithm 4, others and `auto` on two frames, all frames by `auto`, pictures",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::falling::figure5,
+    },
+    Reproduction {
+        name: "aa-figure6",
+        about: "a horse falls among cylinders: the same on three frames",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::falling::figure6,
+    },
+    Reproduction {
         name: "aa-linear-rate",
         about: "the linear rates that Theorems 3.3 and 3.4 of AA-ADMM prove, and the descent of 3.5, checked on a small bar",
         models: &[],
@@ -239,13 +262,17 @@ pub fn run(name: &str, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<
     let models = models_of(reproduction, options);
     let mut context = Context::new(reproduction.name, options, models, tell);
     let _ = writeln!(context.text, "# {}\n\n{}.\n", reproduction.name, capitalised(reproduction.about));
+    let needs_models = matches!(reproduction.kind, Kind::Bodies | Kind::Maps);
     let described = match reproduction.kind {
         Kind::Bodies => data::describe(&context.models),
         Kind::Maps => crate::maps::describe(&context.models),
         Kind::Standalone => "Data: none needed.".to_string(),
+        Kind::Moving => String::new(),
     };
-    let _ = writeln!(context.text, "{described}\n");
-    if reproduction.kind != Kind::Standalone {
+    if !described.is_empty() {
+        let _ = writeln!(context.text, "{described}\n");
+    }
+    if needs_models {
         context.tell(&described);
         if context.models.is_empty() {
             let _ = writeln!(context.text, "Nothing was run.");
@@ -264,7 +291,7 @@ pub fn run(name: &str, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<
 
 /// The models asked for, or those of the reproduction that are found.
 fn models_of(reproduction: &Reproduction, options: &Options) -> Vec<String> {
-    if !options.models.is_empty() || reproduction.kind == Kind::Standalone {
+    if !options.models.is_empty() || matches!(reproduction.kind, Kind::Standalone | Kind::Moving) {
         return options.models.clone();
     }
     let mut found = match reproduction.kind {

@@ -22,8 +22,10 @@ mod forces;
 mod growing;
 mod obstacles;
 mod picture;
+mod place;
 mod record;
 mod scene;
+mod scenery;
 mod simulation;
 mod state;
 mod stops;
@@ -31,6 +33,7 @@ mod track;
 mod world;
 
 pub use folder::{Folder, Ledger};
+pub use place::BodyState;
 pub use record::{Frame, FrameRecord};
 pub use scene::{
     AccelerateName, AlgorithmName, BodySpec, DampingSpec, ExtrapolationName, ForceSpec, Generate, HistoryName,

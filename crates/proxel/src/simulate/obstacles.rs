@@ -2,6 +2,7 @@
 
 use super::closed_mesh::{ClosedMesh, terrain};
 use super::scene::{ObstacleSpec, SceneFile, ShapeSpec};
+use super::scenery::Drawn;
 use super::track::Motion;
 use crate::pins::{InputError, RigidMotion, Rotation};
 use proxel_mesh::topology::surface;
@@ -17,17 +18,17 @@ pub(super) struct Obstacle {
     pub friction: f64,
     solid: Arc<dyn Solid>,
     motion: Motion,
-    /// For pictures, in the solid's own coordinates: points and triangles of what has an end.
-    pub picture: (Vec<V3>, Vec<[u32; 3]>),
+    /// What pictures show of it.
+    pub drawn: Drawn,
 }
 
 impl Obstacle {
     /// Obstacle `k` of a scene.
     pub fn new(file: &SceneFile, k: usize, spec: &ObstacleSpec) -> Result<Self, InputError> {
         let place = format!("obstacle[{k}]");
-        let (solid, home, picture) = solid(file, &format!("{place}.shape"), &spec.shape)?;
+        let (solid, home, drawn) = solid(file, &format!("{place}.shape"), &spec.shape)?;
         let motion = Motion::new(&format!("{place}.keyframe"), spec.velocity, &spec.keyframes, home)?;
-        Ok(Obstacle { name: spec.name.clone(), friction: spec.friction, solid, motion, picture })
+        Ok(Obstacle { name: spec.name.clone(), friction: spec.friction, solid, motion, drawn })
     }
 
     /// The solid at a time, seen from `center`.
@@ -43,31 +44,36 @@ impl Obstacle {
     }
 }
 
-type Built = (Arc<dyn Solid>, Placement, (Vec<V3>, Vec<[u32; 3]>));
+type Built = (Arc<dyn Solid>, Placement, Drawn);
 
 fn solid(file: &SceneFile, place: &str, shape: &ShapeSpec) -> Result<Built, InputError> {
-    let nothing = (Vec::new(), Vec::new());
     Ok(match shape {
         ShapeSpec::HalfSpace { point, normal } | ShapeSpec::Plane { point, normal } => {
-            (Arc::new(Ground { normal: unit(*normal) }), Placement::at(*point), nothing)
+            let normal = unit(*normal);
+            (Arc::new(Ground { normal }), Placement::at(*point), Drawn::Ground { normal, pit: 0.0 })
         }
-        ShapeSpec::Sphere { center, radius } => (Arc::new(Sphere { radius: *radius }), Placement::at(*center), nothing),
+        ShapeSpec::Sphere { center, radius } => {
+            (Arc::new(Sphere { radius: *radius }), Placement::at(*center), Drawn::ball(*radius))
+        }
         ShapeSpec::Box { center, size, rotate } => {
             let rotation = rows(rotate);
             let half = size.map(|s| s / 2.0);
-            (Arc::new(Brick { half }), Placement { rotation, shift: *center }, nothing)
+            (Arc::new(Brick { half }), Placement { rotation, shift: *center }, Drawn::brick(half))
         }
         ShapeSpec::Capsule { from, to, radius } => {
             let half = [0, 1, 2].map(|d| to[d] / 2.0 - from[d] / 2.0);
             let center = [0, 1, 2].map(|d| to[d] / 2.0 + from[d] / 2.0);
-            (Arc::new(Capsule { half, radius: *radius }), Placement::at(center), nothing)
+            (Arc::new(Capsule { half, radius: *radius }), Placement::at(center), Drawn::capsule(half, *radius))
         }
         ShapeSpec::Cylinder { center, axis, radius, length } => {
             let half = length.map_or(f64::INFINITY, |l| l / 2.0);
-            (Arc::new(Cylinder { axis: unit(*axis), radius: *radius, half }), Placement::at(*center), nothing)
+            let (axis, radius) = (unit(*axis), *radius);
+            let drawn = Drawn::cylinder(axis, radius, half);
+            (Arc::new(Cylinder { axis, radius, half }), Placement::at(*center), drawn)
         }
         ShapeSpec::Pit { center, normal, radius } => {
-            (Arc::new(Pit { normal: unit(*normal), radius: *radius }), Placement::at(*center), nothing)
+            let (normal, radius) = (unit(*normal), *radius);
+            (Arc::new(Pit { normal, radius }), Placement::at(*center), Drawn::Ground { normal, pit: radius })
         }
         ShapeSpec::HeightField { origin, spacing, heights, depth } => {
             let (points, triangles) = terrain(*spacing, heights, *depth);
@@ -103,7 +109,7 @@ fn closed(
     let solid = ClosedMesh::new(&local, &triangles)
         .map_err(|e| file.refuse(place, &e, "give a closed surface whose faces fit each other"))?;
     let home = Placement::at([0, 1, 2].map(|d| middle[d] + origin[d]));
-    Ok((Arc::new(solid), home, (local, triangles)))
+    Ok((Arc::new(solid), home, Drawn::Whole(local, triangles)))
 }
 
 /// The turn of a pose around the origin, or around the centre that it names.

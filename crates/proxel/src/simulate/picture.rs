@@ -1,12 +1,11 @@
 //! Bodies as they are: meshes with fields, and pictures.
 
 use super::world::World;
-use super::{SimulateError, State};
+use super::{SimulateError, State, scenery};
 use crate::deform::Extras;
 use crate::preview::{Camera, Image, Model, Scene, Style, render};
 use proxel_mesh::topology::surface;
 use proxel_mesh::{Fields, Mesh};
-use proxel_model::solid::Placement;
 
 type V3 = [f64; 3];
 
@@ -86,7 +85,7 @@ fn elements(world: &World, b: usize, state: &State, mesh: &Mesh, fields: &mut Fi
     Ok(())
 }
 
-/// All bodies and obstacles that have an end, seen as at the start.
+/// All bodies and obstacles, seen as at the start.
 pub(super) fn image(world: &World, x: &[f64], time: f64) -> Image {
     let mut models = Vec::new();
     for b in 0..world.bodies.len() {
@@ -96,13 +95,6 @@ pub(super) fn image(world: &World, x: &[f64], time: f64) -> Image {
         // Points without triangles hold the camera.
         models.push(Model::new(body.start.clone(), Vec::new()));
     }
-    for obstacle in &world.obstacles {
-        let Placement { rotation, shift } = obstacle.at(time, [0.0; 3]).placement;
-        let placement = Placement { rotation, shift };
-        let points = obstacle.picture.0.iter().map(|p| placement.apply(*p)).collect();
-        let mut model = Model::new(points, obstacle.picture.1.clone());
-        model.colors = vec![[0.62, 0.66, 0.7]; model.points.len()];
-        models.push(model);
-    }
+    models.extend(scenery::models(world, time));
     render(&[Scene { models }], &Camera::default(), &Style::default(), SIZE[0], SIZE[1])
 }

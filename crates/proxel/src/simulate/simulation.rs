@@ -8,9 +8,9 @@ use super::record::{Frame, FrameRecord};
 use super::scene::{Integrator, Scene, SceneFile};
 use super::stops::Stops;
 use super::world::World;
-use super::{Hooks, SimulateError, State, picture};
+use super::{BodyState, Hooks, SimulateError, State, picture, place, scenery};
 use crate::deform::pool;
-use crate::preview::Image;
+use crate::preview::{Image, Model};
 use crate::settings::DeformSettings;
 use proxel_model::contact::Contacts;
 use proxel_split::{SquaredResiduals, Status, VIOLATION, normalized};
@@ -129,6 +129,16 @@ impl Simulation {
         Ok(())
     }
 
+    /// Goes on from bodies as they are elsewhere, as after `frame` frames: what the next frame makes of them can be compared
+    /// with what another solver does. They may be inside of obstacles; the step then pushes them out.
+    ///
+    /// # Errors
+    /// Another number of bodies or vertices, a number that is not finite, a body that a lattice carries.
+    pub fn place(&mut self, frame: usize, bodies: &[BodyState]) -> Result<(), SimulateError> {
+        let state = place::state(&self.world, frame, bodies)?;
+        self.resume(state)
+    }
+
     /// What the user should know, and what was repaired.
     pub fn notes(&self) -> (&[String], &[String]) {
         (&self.world.warnings, &self.world.repaired)
@@ -238,7 +248,12 @@ impl Simulation {
         Ok(Frame { record, bodies })
     }
 
-    /// A picture of bodies and of obstacles that have an end.
+    /// The surfaces of obstacles as they stand, for pictures; those without an end are cut off around the bodies.
+    pub fn scenery(&self) -> Vec<Model> {
+        scenery::models(&self.world, self.time())
+    }
+
+    /// A picture of bodies and obstacles.
     pub fn preview(&self) -> Image {
         let (world, x, time) = (&self.world, &self.state.x, self.time());
         self.pool.install(|| picture::image(world, x, time))

@@ -11,6 +11,9 @@ pub enum Residual {
     Forward,
     /// A(11).
     Combined,
+    /// The largest distance of a vertex from where the step's solution has it, over a: no residual, but what methods that
+    /// split nothing can be compared by.
+    Position,
 }
 
 impl Residual {
@@ -18,6 +21,7 @@ impl Residual {
         match self {
             Residual::Forward => "forward",
             Residual::Combined => "combined",
+            Residual::Position => "position",
         }
     }
 }
@@ -33,6 +37,10 @@ pub struct Point {
     pub forward: f64,
     /// Infinite where it is not known.
     pub combined: f64,
+    /// Infinite where it is not known.
+    pub position: f64,
+    /// How far positions are outside of hard sets; 0 where nobody asks.
+    pub violation: f64,
 }
 
 impl Point {
@@ -40,6 +48,7 @@ impl Point {
         match residual {
             Residual::Forward => self.forward,
             Residual::Combined => self.combined,
+            Residual::Position => self.position,
         }
     }
 }
@@ -54,6 +63,9 @@ pub struct Course {
     pub x: Vec<f64>,
 }
 
+/// What is measured of positions besides residuals: position error and violation, as in [`Point`].
+pub type Watch<'a> = dyn FnMut(&[f64]) -> (f64, f64) + 'a;
+
 impl Course {
     /// Steps until both residuals are below `floor`, or `most` iterations are done.
     ///
@@ -67,11 +79,25 @@ impl Course {
         a: f64,
         (most, floor): (usize, f64),
     ) -> Result<Self, BenchError> {
+        Self::watched(problem, name, method, order, a, (most, floor), &mut |_| (f64::INFINITY, 0.0))
+    }
+
+    /// The same, with an eye on positions; the time that takes does not count.
+    pub fn watched(
+        problem: &str,
+        name: &str,
+        method: &mut dyn Method,
+        order: Order,
+        a: f64,
+        (most, floor): (usize, f64),
+        watch: &mut Watch<'_>,
+    ) -> Result<Self, BenchError> {
         let n = method.problem().local_dim();
         let mut course =
             Course { problem: problem.to_string(), method: name.to_string(), points: Vec::new(), x: Vec::new() };
         let (mut seconds, mut rejected, mut iteration) = (0.0, 0, 0);
         loop {
+            let (position, violation) = if iteration > 0 { watch(method.x()) } else { (f64::INFINITY, 0.0) };
             let began = Instant::now();
             let report = method.step().map_err(BenchError::from_display)?;
             let took = began.elapsed().as_secs_f64();
@@ -81,7 +107,7 @@ impl Course {
                     Order::Zxu => (report.local.gap2, f64::INFINITY),
                 };
                 let (forward, combined) = (normalized(forward, n, a), normalized(combined, n, a));
-                course.points.push(Point { iteration, seconds, rejected, forward, combined });
+                course.points.push(Point { iteration, seconds, rejected, forward, combined, position, violation });
                 if iteration >= most || (forward <= floor && !(combined > floor && combined.is_finite())) {
                     course.x = method.x().to_vec();
                     return Ok(course);

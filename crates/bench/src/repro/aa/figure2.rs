@@ -1,7 +1,7 @@
 //! Figure 2: three bars, two materials, Algorithm 3 with several windows, Algorithm 1.
 
 use super::course::{Course, Residual};
-use super::{COUNTING, csv, most, panel, table};
+use super::{COUNTING, LEVELS, csv, most, panel, table};
 use crate::BenchError;
 use crate::bars::Scene;
 use crate::repro::context::Context;
@@ -112,7 +112,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         }
     }
     let _ = writeln!(context.text, "{cost}");
-    context.csv = Some(csv(&courses));
+    context.csv = Some(csv(&courses, &LEVELS));
     Ok(())
 }
 

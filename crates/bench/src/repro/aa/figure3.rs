@@ -2,7 +2,7 @@
 
 use super::course::{Course, Residual};
 use super::figure2::course;
-use super::{COUNTING, csv, most, panel, table};
+use super::{COUNTING, LEVELS, csv, most, panel, table};
 use crate::BenchError;
 use crate::bars::Scene;
 use crate::repro::context::Context;
@@ -64,6 +64,6 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         ];
         context.plot(suffix, "Soft rubber, frame 1", &panels)?;
     }
-    context.csv = Some(csv(&courses));
+    context.csv = Some(csv(&courses, &LEVELS));
     Ok(())
 }

@@ -2,10 +2,15 @@
 
 mod constants;
 mod course;
+pub mod falling;
 pub mod figure2;
 pub mod figure3;
+pub mod figure4;
 pub mod linear_rate;
+mod measured;
 mod reference;
+mod step;
+mod step_report;
 pub mod sweep;
 
 use super::context::Context;
@@ -25,14 +30,14 @@ fn level(level: f64) -> String {
 }
 
 /// All rows of the courses: a residual and a level each; cells are empty where it was not reached.
-fn csv(courses: &[Course]) -> String {
+fn csv(courses: &[Course], levels: &[f64]) -> String {
     let mut csv = "problem,method,level,iterations,seconds,rejected,residual\n".to_string();
     for course in courses {
-        for residual in [Residual::Forward, Residual::Combined] {
+        for residual in [Residual::Forward, Residual::Combined, Residual::Position] {
             if !course.has(residual) {
                 continue;
             }
-            for of in LEVELS {
+            for of in levels.iter().copied() {
                 let (problem, method, name) = (&course.problem, &course.method, residual.as_str());
                 let cells = match course.reached(residual, of) {
                     Some(p) => format!("{},{:.6},{}", p.iteration, p.seconds, p.rejected),

@@ -48,6 +48,7 @@ pub fn of(problem: &str, method: &str, residual: Residual) -> Option<&'static [O
     let rows: &[Row] = match residual {
         Residual::Forward => &FORWARD,
         Residual::Combined => &COMBINED,
+        Residual::Position => return None,
     };
     rows.iter().find(|(p, m, _)| *p == problem && *m == method).map(|(_, _, to)| to)
 }
