@@ -271,7 +271,7 @@ fn cost<C: Carrier>(problem: Problem, a: f64, level: f64) -> (f64, usize) {
 /// iterations by more than a twentieth and the few that a trial takes, and rubber is far cheaper.
 #[test]
 fn acceleration_where_it_pays_costs_no_more_than_plain_iterations() {
-    let bars = bars(3, [12, 3, 3], 4.0 / 12.0, 1.75);
+    let bars = bars(3, [12, 3, 3], 4.0 / 12.0, 1.75).expect("cubes");
     let a = bars.mean_edge();
     let of = |lame: &Lame| step(&bars, lame, 2.0 * DT, false);
     for (cost, _) in [

@@ -51,7 +51,7 @@ pub fn run(args: &ReplayArgs) -> Result<u8, Refusal> {
     let problem = ProblemFile::read(&args.problem)?;
     let (input, mut settings) = match problem {
         ProblemFile::Simulate { scene, state } => return frame::run(args, *scene, state),
-        ProblemFile::Deform { input, settings } => (input, *settings),
+        ProblemFile::Deform { input, settings } => (*input, *settings),
     };
     settings.method = args.method.unwrap_or(settings.method);
     settings.max_iters = args.max_iters.unwrap_or(settings.max_iters);

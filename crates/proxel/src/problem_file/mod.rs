@@ -46,7 +46,7 @@ pub enum ProblemFile {
     /// A body to be posed.
     Deform {
         /// What is deformed, and how it is held.
-        input: DeformInput,
+        input: Box<DeformInput>,
         /// How.
         settings: Box<DeformSettings>,
     },
@@ -85,7 +85,7 @@ impl ProblemFile {
             ));
         }
         let settings = Box::new(DeformSettings { threads: None, time_limit: None, ..settings.clone() });
-        Ok(ProblemFile::Deform { input: input.clone(), settings })
+        Ok(ProblemFile::Deform { input: Box::new(input.clone()), settings })
     }
 
     /// The frame after `state`.

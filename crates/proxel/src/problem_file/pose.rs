@@ -115,6 +115,6 @@ impl Pose {
             reference: self.reference,
             ..DeformInput::default()
         };
-        Ok(ProblemFile::Deform { input, settings: Box::new(settings) })
+        Ok(ProblemFile::Deform { input: Box::new(input), settings: Box::new(settings) })
     }
 }

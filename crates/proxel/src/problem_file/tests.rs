@@ -15,7 +15,7 @@ fn solve(input: &DeformInput, settings: &DeformSettings) -> Deformation {
 fn again(input: &DeformInput, settings: &DeformSettings) -> (DeformInput, DeformSettings) {
     let text = ProblemFile::deform(input, settings).unwrap().to_text().unwrap();
     match ProblemFile::parse("p.json", &text).unwrap() {
-        ProblemFile::Deform { input, settings } => (input, *settings),
+        ProblemFile::Deform { input, settings } => (*input, *settings),
         ProblemFile::Simulate { .. } => panic!("a pose was written"),
     }
 }

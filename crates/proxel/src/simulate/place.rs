@@ -46,5 +46,5 @@ pub(super) fn state(world: &World, frame: usize, bodies: &[BodyState]) -> Result
             }
         }
     }
-    Ok(State { frame, x, v, before: None, known: Known::new() })
+    Ok(State { frame, x, v, before: None, known: Known::new(), stresses: Vec::new() })
 }

@@ -33,13 +33,16 @@ pub(crate) struct PlainState {
     /// Forces between points and walls: point, wall, force.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     contacts: Vec<(u32, u32, f64)>,
+    /// Stresses that hold elements within hard limits, twelve numbers each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    stresses: Vec<f64>,
 }
 
 impl PlainState {
     /// All its numbers.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = &f64> {
         let before = self.before.iter().flat_map(|(x, v, h)| x.iter().chain(v).chain([h]));
-        self.x.iter().chain(&self.v).chain(before).chain(self.contacts.iter().map(|c| &c.2))
+        self.x.iter().chain(&self.v).chain(before).chain(self.contacts.iter().map(|c| &c.2)).chain(&self.stresses)
     }
 }
 
@@ -59,12 +62,13 @@ impl State {
             v: self.v.clone(),
             before: self.before.clone(),
             contacts: self.known.iter().map(|((point, wall), force)| (*point, *wall, *force)).collect(),
+            stresses: self.stresses.clone(),
         }
     }
 
     /// None where lengths do not fit each other, or a point and a wall come twice.
     pub(crate) fn of_plain(plain: PlainState) -> Option<Self> {
-        let PlainState { frame, x, v, before, contacts } = plain;
+        let PlainState { frame, x, v, before, contacts, stresses } = plain;
         let n = x.len();
         let fits = |(y, w, h): &(Vec<f64>, Vec<f64>, f64)| y.len() == n && w.len() == n && *h > 0.0;
         if v.len() != n || !before.as_ref().is_none_or(fits) {
@@ -72,7 +76,7 @@ impl State {
         }
         let count = contacts.len();
         let known: Known = contacts.into_iter().map(|(point, wall, force)| ((point, wall), force)).collect();
-        (known.len() == count).then_some(State { frame, x, v, before, known })
+        (known.len() == count).then_some(State { frame, x, v, before, known, stresses })
     }
 
     /// As bytes, numbers in full.

@@ -78,12 +78,13 @@ pub(super) struct Engine {
 /// How steps are solved.
 enum How {
     /// By Newton's method, with contact as a potential.
-    Newton(Matrices),
+    Newton(Box<Matrices>),
     /// By a splitting, with obstacles and limits as sets, or by a method that has neither.
     Splitting(Box<Splitting>),
 }
 
 /// What Newton's method keeps from step to step.
+#[derive(Default)]
 struct Matrices {
     normal: Option<NormalMatrix>, // none where every node is held
     hessian: Option<Hessian>,
@@ -128,7 +129,7 @@ impl Engine {
         let x0 = world.start.clone();
         let problem = Problem { dim: 3, n_free: world.n_free, x0, terms, quadratic, barrier };
         let how = match has_finish(settings.method) || world.n_free == 0 {
-            true => How::Newton(Matrices { normal: None, hessian: None, factored: 0 }),
+            true => How::Newton(Box::default()),
             false => {
                 let (x0, quadratic) = (problem.x0.clone(), problem.quadratic.clone());
                 let split = Problem { dim: 3, n_free: world.n_free, x0, terms: Vec::new(), quadratic, barrier };
@@ -182,7 +183,7 @@ impl Engine {
             self.problem.quadratic.potentials.push(Arc::new(none.clone()));
             self.damping = Some(none);
         }
-        self.how = How::Newton(Matrices { normal: Some(normal), hessian: None, factored: 0 });
+        self.how = How::Newton(Box::new(Matrices { normal: Some(normal), ..Matrices::default() }));
         Ok(())
     }
 
@@ -190,9 +191,9 @@ impl Engine {
     pub fn factor_bytes(&self) -> u64 {
         match &self.how {
             How::Splitting(splitting) => splitting.factor_bytes(),
-            How::Newton(Matrices { normal, hessian, .. }) => {
-                normal.as_ref().map_or(0, NormalMatrix::factor_bytes)
-                    + hessian.as_ref().map_or(0, Hessian::factor_bytes)
+            How::Newton(matrices) => {
+                matrices.normal.as_ref().map_or(0, NormalMatrix::factor_bytes)
+                    + matrices.hessian.as_ref().map_or(0, Hessian::factor_bytes)
             }
         }
     }
@@ -221,7 +222,7 @@ impl Engine {
     pub fn renew(&mut self, world: &World) -> Result<(), SimulateError> {
         let Matrices { normal, hessian, factored } = match &mut self.how {
             How::Splitting(splitting) => return splitting.renew(world),
-            How::Newton(matrices) => matrices,
+            How::Newton(matrices) => &mut **matrices,
         };
         self.problem.terms = world.terms(Hold::Not)?.terms;
         let Some(normal) = normal else { return Ok(()) };
@@ -269,7 +270,8 @@ impl Engine {
             let set = self.problem.quadratic.inertia.set_target(task.target);
             set.map_err(|e| SimulateError::new(e.to_string()))?;
         }
-        let How::Newton(Matrices { normal: Some(normal), hessian, factored }) = &mut self.how else { return Ok(()) };
+        let How::Newton(matrices) = &mut self.how else { return Ok(()) };
+        let Matrices { normal: Some(normal), hessian, factored } = &mut **matrices else { return Ok(()) };
         if changed {
             normal.refactor(&self.problem)?;
             *factored = normal.refactorisations();

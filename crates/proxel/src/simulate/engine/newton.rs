@@ -1,6 +1,6 @@
 //! Newton's method on an augmented Lagrangian of contact and of hard limits.
 
-use super::{Engine, How, Matrices, Solved, Task};
+use super::{Engine, How, Solved, Task};
 use crate::deform::{REFUSALS, admm_settings};
 use crate::settings::MethodName;
 use crate::simulate::SimulateError;
@@ -196,10 +196,10 @@ impl Engine {
     }
 
     fn take_matrices(&mut self) -> Result<(NormalMatrix, Option<Hessian>), SimulateError> {
-        if let How::Newton(Matrices { normal, hessian, .. }) = &mut self.how
-            && let Some(normal) = normal.take()
+        if let How::Newton(matrices) = &mut self.how
+            && let Some(normal) = matrices.normal.take()
         {
-            return Ok((normal, hessian.take()));
+            return Ok((normal, matrices.hessian.take()));
         }
         Err(SimulateError::new("a step lost its matrix; begin the simulation anew".into()))
     }
