@@ -8,6 +8,10 @@ fn json(folder: &Folder, name: &str) -> Value {
     serde_json::from_str(&folder.read(name)).unwrap()
 }
 
+fn bytes(folder: &Folder, name: &str) -> Vec<u8> {
+    std::fs::read(folder.0.join(name)).unwrap()
+}
+
 const SCENE: &str = "
 [time]
 dt = 0.03333333333333333
@@ -39,7 +43,7 @@ fn a_pose_is_solved_again_to_the_same_bits_and_by_other_methods() {
         std::fs::remove_file(folder.0.join(name)).unwrap();
     }
     folder.run("replay p.json --out b.vtu --report b.json --trace b.csv --threads 1 --quiet").is(0);
-    assert!(folder.read("a.vtu") == folder.read("b.vtu"), "positions, stresses and reactions to the bit");
+    assert!(bytes(&folder, "a.vtu") == bytes(&folder, "b.vtu"), "positions, stresses and reactions to the bit");
     let (a, b) = (json(&folder, "a.json"), json(&folder, "b.json"));
     for key in
         ["status", "reason", "iterations", "energy", "gradient_norm", "gradient_ratio", "min_stretch", "reactions"]
@@ -62,7 +66,7 @@ fn a_pose_is_solved_again_to_the_same_bits_and_by_other_methods() {
     assert_eq!((settings["tol"].as_f64(), settings["material"]["young"].as_f64()), (Some(1e-6), Some(12345.678)));
     folder.run("replay p.json --method jelly").is_refused(&["jelly"]);
     folder.run("replay nothing.json").is_refused(&["nothing.json"]);
-    folder.run("replay a.json").is_refused(&["a.json", "format"]);
+    folder.run("replay a.json").is_refused(&["a.json", "no problem file"]);
     folder.run("replay p.json --threads 0").is_refused(&["--threads"]);
 }
 
@@ -79,7 +83,7 @@ fn a_frame_is_solved_again_to_the_same_bits() {
         std::fs::remove_file(folder.0.join(name)).unwrap();
     }
     folder.run("replay f.json --report r.json --trace t.csv --out last.vtu --preview last.png --threads 1").is(0);
-    assert!(folder.read("last.vtu") == folder.read("d/cube_0007.vtu"));
+    assert!(bytes(&folder, "last.vtu") == bytes(&folder, "d/cube_0007.vtu"));
     let (mut whole, mut again) =
         (json(&folder, "d/report.json")["frames"][7].clone(), json(&folder, "r.json")["frames"][0].clone());
     for record in [&mut whole, &mut again] {
@@ -115,7 +119,8 @@ fn a_safe_penalty_is_for_what_it_is_proven_for() {
         "near.toml",
         "[groups.foot]\nindices = [0, 1, 2, 3]\n[groups.end]\nindices = [8, 9, 10, 11]\ntranslate = [0.02, 0, 0]\n",
     );
-    let solve = "deform rest.node --pins near.toml --out a.vtu --report a.json --quiet --method admm-pd";
+    let common = "deform rest.node --pins near.toml --out a.vtu --report a.json --quiet";
+    let solve = format!("{common} --method admm-pd");
     let stvk = format!("{solve} --material stvk --young 1e3 --poisson 0.3");
     folder.run(&format!("{stvk} --penalty safe --max-iters 200 --trace t.csv")).is(3);
     let energy = |row: &str| row.split(',').nth(2).unwrap().parse::<f64>().unwrap();
@@ -126,7 +131,7 @@ fn a_safe_penalty_is_for_what_it_is_proven_for() {
     folder.run(&stvk).is(0);
     assert!(json(&folder, "a.json")["energy"].as_f64().unwrap() <= energies[energies.len() - 1]);
     folder.run(&format!("{solve} --penalty safe")).is_refused(&["stvk", "--penalty weights"]);
-    folder.run(&format!("{solve} --penalty safe --method wrapd")).is_refused(&["admm-pd"]);
+    folder.run(&format!("{common} --penalty safe --method wrapd")).is_refused(&["admm-pd"]);
     folder.run(&format!("{stvk} --penalty safe --density 1 --gravity 0,-1,0")).is_refused(&["gravity"]);
     let scene = SCENE
         .replace("start = \"start.node\"\n", "")

@@ -140,6 +140,9 @@ impl ProblemFile {
     /// What is no such file, or one of another version; arrays that do not fit each other.
     pub fn parse(name: &str, text: &str) -> Result<Self, InputError> {
         let refuse = |what: &str| InputError::new(name, what, "give a file that --dump has written");
+        if !text.contains(FORMAT) {
+            return Err(refuse("it is no problem file"));
+        }
         let written: Written = serde_json::from_str(text).map_err(|e| {
             let said = e.to_string();
             let message = said.rfind(" at line ").map_or(&said[..], |at| &said[..at]);
