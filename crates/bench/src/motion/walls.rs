@@ -50,8 +50,8 @@ impl Walls {
                     if distance > nearest.0 {
                         return nearest;
                     }
-                    let out = if r > 0.0 { -distance / r } else { 0.0 };
-                    (distance, [out * dx, out * dy, 0.0])
+                    let n = if r > 0.0 { [dx / r, dy / r] } else { [1.0, 0.0] };
+                    (distance, [-distance * n[0], -distance * n[1], 0.0])
                 })
             }
         }
