@@ -20,7 +20,9 @@ fn run(file: &SceneFile) -> (Vec<FrameRecord>, State) {
     let mut simulation = Simulation::new(file, Some(1)).unwrap_or_else(|e| panic!("{e}"));
     let mut records = Vec::new();
     while simulation.frame_count() < file.scene().time.frames {
-        records.push(simulation.advance(&mut Hooks::default()).unwrap_or_else(|e| panic!("{e}")));
+        let record = simulation.advance(&mut Hooks::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert_ne!(record.status, "failed", "{}", record.reason);
+        records.push(record);
     }
     (records, simulation.state().clone())
 }
@@ -30,7 +32,9 @@ fn positions(file: &SceneFile) -> (Vec<FrameRecord>, Vec<[f64; 3]>) {
     let mut simulation = Simulation::new(file, Some(1)).unwrap_or_else(|e| panic!("{e}"));
     let mut records = Vec::new();
     while simulation.frame_count() < file.scene().time.frames {
-        records.push(simulation.advance(&mut Hooks::default()).unwrap_or_else(|e| panic!("{e}")));
+        let record = simulation.advance(&mut Hooks::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert_ne!(record.status, "failed", "{}", record.reason);
+        records.push(record);
     }
     let frame = simulation.frame(FrameRecord::default()).unwrap_or_else(|e| panic!("{e}"));
     (records, frame.bodies.into_iter().flat_map(|(_, mesh, _)| mesh.points).collect())
@@ -87,9 +91,9 @@ fn algorithms_without_sets_end_where_newton_does() {
         assert!(records.iter().all(|r| r.forward.unwrap() < 1e-6), "{algorithm}");
     }
     for solver in ["method = \"lbfgs\"", "method = \"bcqn\"", "method = \"wrapd\"\nextrapolation = \"anderson\""] {
-        let (records, x) = positions(&file(&format!("{solver}\ntol = 1e-8")));
+        let (records, x) = positions(&file(&format!("{solver}\ntol = 1e-5")));
         assert!(records.iter().all(|r| r.status == "converged"), "{solver}: {}", records[0].reason);
-        assert!(apart(&x, &exact) < 1e-5, "{solver}: {}", apart(&x, &exact));
+        assert!(apart(&x, &exact) < 1e-4, "{solver}: {}", apart(&x, &exact));
         assert_eq!(records[0].forward.is_some(), solver.contains("wrapd"), "what splits nothing has no residual");
     }
 }
