@@ -266,8 +266,8 @@ fn cost<C: Carrier>(problem: Problem, a: f64, level: f64) -> (f64, usize) {
     method.account().map_or((f64::NAN, 0), |account| (account.cost(), account.iterations().1))
 }
 
-/// Soft rubber needs 110 plain iterations to 1e-6, where a trial that comes too early costs up to a tenth, more than the
-/// twentieth that is wanted; rubber needs 735 to 1e-2, and 79 accelerated ones, and is far cheaper.
+/// Soft rubber needs 110 plain iterations to 1e-6, fewer than an acceleration that costs as much as here is tried after;
+/// rubber needs 735 to 1e-2, and 79 accelerated ones, and is far cheaper.
 #[test]
 fn acceleration_where_it_pays_costs_no_more_than_plain_iterations() {
     let bars = bars(3, [12, 3, 3], 4.0 / 12.0, 1.75).expect("cubes");
@@ -278,7 +278,7 @@ fn acceleration_where_it_pays_costs_no_more_than_plain_iterations() {
         cost::<CombinedResidual>(of(&soft()), a, 1e-6),
         cost::<ForwardResidualZxu>(of(&soft()), a, 1e-6),
     ] {
-        assert!(cost <= 1.1 * 111.0, "{cost}");
+        assert!(cost <= 1.05 * 111.0, "{cost}");
     }
     let rubber = Lame::from_young_poisson(1e7, 0.499).expect("moduli");
     for (cost, accelerated) in [

@@ -159,7 +159,7 @@ fn where_it_pays_begins_plainly_and_forgets_with_each_problem() {
             assert_eq!(method.x(), plain.x(), "round {round}, step {step}");
         }
         let mut accelerated = 0;
-        for _ in 0..20 {
+        for _ in 0..400 {
             accelerated += usize::from(method.step().expect("a step").trial.accelerated);
         }
         assert!(accelerated > 0);

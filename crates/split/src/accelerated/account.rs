@@ -10,6 +10,8 @@ const PART: f64 = 0.03;
 const GRACE: f64 = 2.5;
 /// Gains are judged by the best of so many residuals, since those of accelerated points rise and fall.
 const RECENT: usize = 3;
+/// Accelerated iterations that a trial takes to show anything: none begins before what may be lost pays for them.
+const TRIAL: f64 = 3.0;
 /// A plain iteration that lowers the logarithm of the residual by less stands still.
 const STILL: f64 = 1e-3;
 
@@ -18,11 +20,13 @@ const STILL: f64 = 1e-3;
 ///
 /// Costs are in plain iterations, and counted, never timed: with what plain iterations have shown their rate to be, what
 /// acceleration has cost beyond what plain iterations with the same gain would have is at most 3 % of all the cost so far,
-/// two and a half iterations, and the last one that did not pay. The same run makes the same decisions on any machine.
+/// two and a half iterations, and the last one that did not pay. The dearer an accelerated iteration is, the later the first
+/// trial. The same run makes the same decisions on any machine.
 #[derive(Clone, Debug)]
 pub struct Account {
-    cost: f64, // so far
-    lost: f64, // what earlier trials cost beyond their gain
+    price: f64, // of an accelerated iteration
+    cost: f64,  // so far
+    lost: f64,  // what earlier trials cost beyond their gain
     phase: Phase,
     failures: usize,
     plain: usize,
@@ -37,9 +41,11 @@ enum Phase {
     Accelerated { from: f64, rate: f64, recent: Vec<f64>, spent: f64 },
 }
 
-impl Default for Account {
-    fn default() -> Self {
+impl Account {
+    /// For accelerated iterations that cost so many plain ones when their history is full.
+    pub fn new(price: f64) -> Self {
         Account {
+            price,
             cost: 0.0,
             lost: 0.0,
             phase: Phase::Plain { logs: Vec::new(), until: PLAIN },
@@ -48,9 +54,13 @@ impl Default for Account {
             accelerated: 0,
         }
     }
-}
 
-impl Account {
+    /// For another run of the same iteration.
+    #[must_use]
+    pub fn renewed(&self) -> Self {
+        Self::new(self.price)
+    }
+
     /// Whether the next iteration is to be accelerated.
     pub fn accelerates(&self) -> bool {
         matches!(self.phase, Phase::Accelerated { .. })
@@ -74,7 +84,7 @@ impl Account {
             Phase::Plain { logs, until } => {
                 self.plain += 1;
                 logs.push(log);
-                if logs.len() >= *until {
+                if logs.len() >= *until && self.lost + TRIAL * self.price <= PART * self.cost + GRACE {
                     let (rate, from) = (rate(logs), log);
                     self.phase = Phase::Accelerated { from, rate, recent: Vec::new(), spent: 0.0 };
                 }
@@ -119,7 +129,7 @@ mod tests {
 
     /// Runs an iteration whose residual falls by these factors until it is below 1e-6; the account.
     fn run(plain: f64, accelerated: f64, price: f64) -> Account {
-        let mut account = Account::default();
+        let mut account = Account::new(price);
         let mut residual = 1.0_f64;
         while residual > 1e-6 {
             let (factor, cost) = if account.accelerates() { (accelerated, price) } else { (plain, 1.0) };
@@ -140,8 +150,9 @@ mod tests {
                     assert!(cost <= 1.05 * least + 3.0 + price, "{plain} {power} {price}: {cost} {least}");
                     let pays = power > 1.2 * price;
                     if pays && least > 100.0 {
-                        // What is left to gain after the first plain iterations is gained.
-                        let best = PLAIN as f64 + (least - PLAIN as f64) / power * price;
+                        // What is left to gain when the first trial may begin is gained.
+                        let begun = ((TRIAL * price - GRACE) / PART).ceil().clamp(PLAIN as f64, least);
+                        let best = begun + (least - begun) / power * price;
                         assert!(cost <= 1.1 * best + price, "{plain} {power} {price}: {cost} {best}");
                     }
                 }
@@ -151,7 +162,7 @@ mod tests {
 
     #[test]
     fn it_comes_back_where_it_begins_to_pay() {
-        let mut account = Account::default();
+        let mut account = Account::new(2.0);
         let mut residual = 1.0_f64;
         for k in 0..600 {
             // Plain iterations are as good as accelerated ones at first, and hardly move later.
@@ -167,7 +178,7 @@ mod tests {
 
     #[test]
     fn residuals_that_are_no_numbers_end_a_trial() {
-        let mut account = Account::default();
+        let mut account = Account::new(1.05);
         (0..PLAIN).for_each(|_| account.note(1.0, 1.0));
         assert!(account.accelerates());
         account.note(2.0, f64::NAN);

@@ -136,7 +136,8 @@ impl<C: Carrier> Accelerated<C> {
     pub fn where_it_pays(mut self, columns: usize) -> Self {
         let (sensed, values) = (self.carrier.sense().before.len(), self.point.len());
         let price = IterationPrice::new(&self.admm, sensed, values, columns);
-        self.account = Some((Account::default(), price));
+        let full = Trial { columns, ..Trial::default() };
+        self.account = Some((Account::new(price.of::<C>(&full)), price));
         self
     }
 
@@ -312,7 +313,7 @@ impl<C: Carrier> Method for Accelerated<C> {
         self.iteration = self.admm.iterations();
         self.forget();
         if let Some((account, _)) = &mut self.account {
-            *account = Account::default();
+            *account = account.renewed();
         }
         Ok(())
     }
