@@ -267,7 +267,7 @@ fn cost<C: Carrier>(problem: Problem, a: f64, level: f64) -> (f64, usize) {
 }
 
 /// Soft rubber needs 110 plain iterations to 1e-6, fewer than an acceleration that costs as much as here is tried after;
-/// rubber needs 735 to 1e-2, and 79 accelerated ones, and is far cheaper.
+/// rubber needs 735 to 1e-2, of which plain ones leave few slow modes that acceleration ends.
 #[test]
 fn acceleration_where_it_pays_costs_no_more_than_plain_iterations() {
     let bars = bars(3, [12, 3, 3], 4.0 / 12.0, 1.75).expect("cubes");
@@ -286,6 +286,6 @@ fn acceleration_where_it_pays_costs_no_more_than_plain_iterations() {
         cost::<CombinedResidual>(of(&rubber), a, 1e-2),
         cost::<ForwardResidualZxu>(of(&rubber), a, 1e-2),
     ] {
-        assert!(cost <= 0.8 * 735.0 && accelerated > 50, "{cost}, {accelerated} accelerated");
+        assert!(cost <= 0.5 * 735.0 && accelerated > 0, "{cost}, {accelerated} accelerated");
     }
 }

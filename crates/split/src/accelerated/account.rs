@@ -4,14 +4,18 @@
 const PLAIN: usize = 24;
 /// Times that the wait after a trial that did not pay is doubled, at most.
 const DOUBLINGS: usize = 6;
-/// What acceleration may cost beyond its gain: this part of the cost so far ..
+/// What acceleration may cost beyond its gain: this part of the cost so far, or of what plain iterations would cost
+/// for six digits more, if that is more ..
 const PART: f64 = 0.03;
+const SIX_DIGITS: f64 = 13.8;
+/// (but not of more than so many times the cost so far) ..
+const AHEAD: f64 = 10.0;
 /// .. and so many plain iterations, which the first ones take to show what they are worth: a history has to be gathered.
 const GRACE: f64 = 2.5;
 /// Gains are judged by the best of so many residuals, since those of accelerated points rise and fall.
 const RECENT: usize = 3;
 /// Accelerated iterations that a trial takes to show anything: none begins before what may be lost pays for them.
-const TRIAL: f64 = 3.0;
+const TRIAL: f64 = 6.0;
 /// A plain iteration that lowers the logarithm of the residual by less stands still.
 const STILL: f64 = 1e-3;
 
@@ -19,9 +23,10 @@ const STILL: f64 = 1e-3;
 /// residual, then accelerated for as long as the gain is worth the price; else plainly again, and longer each time.
 ///
 /// Costs are in plain iterations, and counted, never timed: with what plain iterations have shown their rate to be, what
-/// acceleration has cost beyond what plain iterations with the same gain would have is at most 3 % of all the cost so far,
-/// two and a half iterations, and the last one that did not pay. The dearer an accelerated iteration is, the later the first
-/// trial. The same run makes the same decisions on any machine.
+/// acceleration has cost beyond what plain iterations with the same gain would have is at most 3 % of all the cost so far, or
+/// of what six digits more would cost plainly, two and a half iterations, and the last one that did not pay. The dearer an
+/// accelerated iteration is and the faster plain ones converge, the later the first trial. The same run makes the same
+/// decisions on any machine.
 #[derive(Clone, Debug)]
 pub struct Account {
     price: f64, // of an accelerated iteration
@@ -84,8 +89,9 @@ impl Account {
             Phase::Plain { logs, until } => {
                 self.plain += 1;
                 logs.push(log);
-                if logs.len() >= *until && self.lost + TRIAL * self.price <= PART * self.cost + GRACE {
-                    let (rate, from) = (rate(logs), log);
+                let rate = rate(logs);
+                if logs.len() >= *until && self.lost + TRIAL * self.price <= allowance(self.cost, rate) {
+                    let from = log;
                     self.phase = Phase::Accelerated { from, rate, recent: Vec::new(), spent: 0.0 };
                 }
             }
@@ -100,7 +106,7 @@ impl Account {
                 // A NaN is no gain.
                 let worth = if gain > 0.0 { gain / *rate } else { 0.0 };
                 let debt = *spent - worth;
-                if debt + self.lost > PART * self.cost + GRACE || !gain.is_finite() {
+                if debt + self.lost > allowance(self.cost, *rate) || !gain.is_finite() {
                     self.lost += debt.max(0.0);
                     let until = PLAIN << self.failures.min(DOUBLINGS);
                     self.failures += 1;
@@ -112,6 +118,11 @@ impl Account {
             }
         }
     }
+}
+
+/// What acceleration may cost beyond its gain.
+fn allowance(cost: f64, rate: f64) -> f64 {
+    PART * cost.max((SIX_DIGITS / rate).min(AHEAD * cost)) + GRACE
 }
 
 /// By how much a plain iteration lowers the logarithm of the residual: over the later half, when what came before has died
@@ -151,7 +162,8 @@ mod tests {
                     let pays = power > 1.2 * price;
                     if pays && least > 100.0 {
                         // What is left to gain when the first trial may begin is gained.
-                        let begun = ((TRIAL * price - GRACE) / PART).ceil().clamp(PLAIN as f64, least);
+                        let wanted = |cost: &f64| TRIAL * price <= allowance(*cost, -plain.ln());
+                        let begun = (PLAIN..).map(|cost| cost as f64).find(wanted).unwrap_or(least).min(least);
                         let best = begun + (least - begun) / power * price;
                         assert!(cost <= 1.1 * best + price, "{plain} {power} {price}: {cost} {best}");
                     }
