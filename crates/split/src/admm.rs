@@ -8,8 +8,10 @@
 //! | R-ADMM | polar | [`crate::Lbfgs`] | none |
 //! | WRAPD | polar | [`crate::Lbfgs`] | W(22)-(23) |
 
+mod safe;
+
 use crate::balancing::{Balance, Balancing};
-use crate::penalty::{self, SafePenalty};
+use crate::penalty::SafePenalty;
 use crate::{
     BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Order,
     Problem, Residual, Residuals, Reweighting, SquaredResiduals, StepReport, SystemError, Term, Trial,
@@ -141,46 +143,6 @@ impl Admm {
         self
     }
 
-    /// Under a penalty for which Theorem 3.5 of A holds from here on: squared weights are mu times the base weights, and
-    /// z = Dx, u = W^-2 grad g(z), so that Assumption 3.5 holds.
-    ///
-    /// # Errors
-    /// An iteration or a problem that the theorem does not speak of: [`SafePenalty::of`]; a singular system.
-    pub fn with_safe_penalty(mut self) -> Result<Self, SystemError> {
-        self.take_safe_penalty()?;
-        Ok(self)
-    }
-
-    /// The safe penalty, if it has one.
-    pub fn safe_penalty(&self) -> Option<SafePenalty> {
-        self.safe
-    }
-
-    fn take_safe_penalty(&mut self) -> Result<(), SystemError> {
-        let exact = self.is_exact() && self.problem.terms.iter().all(|term| term.is_linear());
-        penalty::check(self.cycle.order, self.cycle.is_plain(), exact, self.is_reweighted())?;
-        self.weigh(1.0);
-        let safe = SafePenalty::of(&mut self.problem, &self.x)?;
-        self.weigh(safe.mu);
-        self.normal.refactor(&self.problem)?;
-        self.settings.global.reset();
-        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
-            term.couple(&self.x, p);
-            term.dual(p, u);
-            p.iter_mut().zip(u.iter()).for_each(|(p, u)| *p -= u);
-        }
-        self.safe = Some(safe);
-        Ok(())
-    }
-
-    /// Squared weights become mu times the base weights; forces stay.
-    fn weigh(&mut self, mu: f64) {
-        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
-            term.propose_weights((mu, mu));
-            term.take_weights(p, u);
-        }
-    }
-
     /// The terms of its problem.
     pub(crate) fn terms(&self) -> &[Box<dyn Term>] {
         &self.problem.terms
@@ -210,6 +172,14 @@ impl Admm {
     /// Whether the global step ends at the minimiser, whatever it starts from.
     pub fn is_exact(&self) -> bool {
         self.settings.global.is_exact() && self.problem.quadratic.potentials.is_empty()
+    }
+
+    /// Squared weights become mu times the base weights; forces stay.
+    fn weigh(&mut self, mu: f64) {
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
+            term.propose_weights((mu, mu));
+            term.take_weights(p, u);
+        }
     }
 
     /// Raises or lowers the penalty where one residual is much larger than the other.

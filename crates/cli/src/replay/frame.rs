@@ -8,9 +8,10 @@ use proxel_mesh::write_mesh;
 use serde::Serialize;
 
 use super::ReplayArgs;
-use crate::files::{Outputs, peak_bytes, write_text};
-use crate::interrupt::{CANCELLED, Interrupt};
+use crate::files::{Outputs, write_text};
+use crate::interrupt::Interrupt;
 use crate::refusal::Refusal;
+use crate::simulate::{exit_status, report};
 
 /// A report, and all that is known of the frame.
 #[derive(Serialize)]
@@ -88,7 +89,9 @@ pub fn run(args: &ReplayArgs, mut scene: SceneFile, state: State) -> Result<u8, 
     }
     if let Some(path) = &r.report {
         let seconds = Seconds { read: 0.0, setup, solve, write: began.elapsed().as_secs_f64() };
-        let whole = WholeReport { report: report(&simulation, &record, seconds), frames: [&record] };
+        let end = (record.status.as_str(), record.reason.as_str());
+        let whole =
+            WholeReport { report: report(&simulation, std::slice::from_ref(&record), end, seconds), frames: [&record] };
         let text = serde_json::to_string_pretty(&whole)
             .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
         write_text(path, &(text + "\n"))?;
@@ -108,41 +111,5 @@ pub fn run(args: &ReplayArgs, mut scene: SceneFile, state: State) -> Result<u8, 
         );
         written.iter().for_each(|path| say!("wrote {}", path.display()));
     }
-    Ok(match record.status.as_str() {
-        "converged" => 0,
-        "stopped" => 3,
-        "cancelled" => CANCELLED,
-        _ => {
-            eprintln!("error: {}", record.reason);
-            1
-        }
-    })
-}
-
-fn report(simulation: &Simulation, record: &FrameRecord, seconds: Seconds) -> Report {
-    let (warnings, repaired) = simulation.notes();
-    let solver = &simulation.scene().solver;
-    Report {
-        version: env!("CARGO_PKG_VERSION").to_string(),
-        command: "simulate".to_string(),
-        settings: serde_json::to_value(simulation.scene()).unwrap_or_default(),
-        method: solver.method.as_str().to_string(),
-        status: record.status.clone(),
-        reason: record.reason.clone(),
-        iterations: record.iterations,
-        energy: Some(record.energy()),
-        gradient_norm: record.gradient,
-        gradient_ratio: record.gradient.map(|g| g / record.gradient_bound * solver.tol).filter(|r| r.is_finite()),
-        inverted: Some(record.inverted),
-        primal_residual: record.forward,
-        accepted: record.iterations.saturating_sub(record.rejected),
-        rejected: record.rejected,
-        warnings: warnings.to_vec(),
-        repaired: repaired.to_vec(),
-        seconds,
-        peak_bytes: peak_bytes(),
-        factor_bytes: Some(simulation.factor_bytes()),
-        threads: simulation.threads(),
-        ..Report::default()
-    }
+    Ok(exit_status(&record.status, &record.reason))
 }

@@ -1,7 +1,9 @@
 //! `proxel simulate`: a scene in motion, frame by frame into a folder.
 
 mod args;
+mod report;
 mod run;
 
 pub use args::{SchemaArgs, SimulateArgs};
+pub use report::{exit_status, report};
 pub use run::{run, schema};

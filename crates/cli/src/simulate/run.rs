@@ -7,9 +7,9 @@ use proxel::problem_file::ProblemFile;
 use proxel::report::{Report, Seconds, TraceRow};
 use proxel::simulate::{Folder, FrameRecord, Hooks, Progress, SceneFile, Simulation, State, schema as scene_schema};
 
-use super::{SchemaArgs, SimulateArgs};
-use crate::files::{Outputs, peak_bytes, write_text};
-use crate::interrupt::{CANCELLED, Interrupt};
+use super::{SchemaArgs, SimulateArgs, exit_status, report};
+use crate::files::{Outputs, write_text};
+use crate::interrupt::Interrupt;
 use crate::progress::Bar;
 use crate::refusal::Refusal;
 
@@ -196,15 +196,7 @@ impl Run<'_> {
             }
             written.iter().for_each(|path| say!("wrote {}", path.display()));
         }
-        Ok(match status.as_str() {
-            "converged" => 0,
-            "stopped" => 3,
-            "cancelled" => CANCELLED,
-            _ => {
-                eprintln!("error: {reason}");
-                1
-            }
-        })
+        Ok(exit_status(&status, &reason))
     }
 
     fn seconds(&self) -> f64 {
@@ -212,33 +204,8 @@ impl Run<'_> {
     }
 
     fn report(&self, folder: &Folder, status: &str, reason: &str) -> Report {
-        let records = folder.records();
-        let last = records.last();
-        let (warnings, repaired) = self.simulation.notes();
         let solve = (self.seconds() - self.setup - self.written).max(0.0);
-        Report {
-            version: env!("CARGO_PKG_VERSION").to_string(),
-            command: "simulate".to_string(),
-            settings: serde_json::to_value(self.simulation.scene()).unwrap_or_default(),
-            method: self.simulation.scene().solver.method.as_str().to_string(),
-            status: status.to_string(),
-            reason: reason.to_string(),
-            iterations: records.iter().map(|r| r.iterations).sum(),
-            energy: last.map(|r| r.energy()),
-            gradient_norm: last.and_then(|r| r.gradient),
-            gradient_ratio: last
-                .and_then(|r| Some(r.gradient? / r.gradient_bound * self.simulation.scene().solver.tol)),
-            inverted: last.map(|r| r.inverted),
-            primal_residual: last.and_then(|r| r.forward),
-            accepted: records.iter().map(|r| r.iterations.saturating_sub(r.rejected)).sum(),
-            rejected: records.iter().map(|r| r.rejected).sum(),
-            warnings: warnings.to_vec(),
-            repaired: repaired.to_vec(),
-            seconds: Seconds { read: 0.0, setup: self.setup, solve, write: self.written },
-            peak_bytes: peak_bytes(),
-            factor_bytes: Some(self.simulation.factor_bytes()),
-            threads: self.simulation.threads(),
-            ..Report::default()
-        }
+        let seconds = Seconds { read: 0.0, setup: self.setup, solve, write: self.written };
+        report(&self.simulation, folder.records(), (status, reason), seconds)
     }
 }

@@ -20,6 +20,7 @@ mod engine;
 mod folder;
 mod forces;
 mod growing;
+mod measure;
 mod obstacles;
 mod picture;
 mod place;
