@@ -94,6 +94,9 @@ impl Cg {
                 report.end = CgEnd::Solved;
                 return Ok(report);
             }
+            if report.steps == limit {
+                return Ok(report);
+            }
             self.z.copy_from_slice(&self.r);
             precondition(&mut self.z)?;
             let next = vector::dot(&self.r, &self.z);
@@ -136,6 +139,22 @@ mod tests {
             assert!((d - want).abs() < 1e-12, "{d} {want}");
         }
         assert!((report.curvature - (1.0 + 2.0 + 4.5 + 3.2)).abs() < 1e-12, "{}", report.curvature);
+    }
+
+    /// A solve with the factor is most of a step's time: none after the last step.
+    #[test]
+    fn one_preconditioning_a_step() {
+        let (mut cg, mut solves) = (Cg::default(), 0);
+        let multiply = |p: &[f64], q: &mut [f64]| {
+            q.iter_mut().zip(p).zip([1.0, 2.0, 3.0, 4.0]).for_each(|((q, p), h)| *q = h * p);
+            Ok::<(), ()>(())
+        };
+        let count = |_: &mut [f64]| {
+            solves += 1;
+            Ok(())
+        };
+        let report = cg.solve(&[1.0, 1.0, 1.0, 1.0], 1e-12, 3, multiply, count).expect("nothing fails");
+        assert_eq!((report.steps, report.end, solves), (3, CgEnd::Limit, 3));
     }
 
     #[test]
