@@ -2,8 +2,10 @@
 
 pub mod bending;
 pub mod contact;
+pub mod copies;
 pub mod elements;
 pub mod energy;
+pub mod gradient_field;
 pub mod obstacle;
 pub mod points;
 pub mod pressure;

@@ -80,6 +80,24 @@ pub struct Report {
     /// What is known of a map; its keys stand beside the others.
     #[serde(flatten)]
     pub map: Option<MapReport>,
+    /// What is known of distances, likewise.
+    #[serde(flatten)]
+    pub geodesic: Option<GeodesicReport>,
+}
+
+/// What `geodesic` adds to a report.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GeodesicReport {
+    /// The vertices that distances are measured from.
+    pub sources: Vec<u32>,
+    /// The largest distance that is finite, in the units of the mesh.
+    pub distance_max: f64,
+    /// ||grad d| - 1|, weighted by area, over what is reached: 0 for a distance on a plane, where no paths meet.
+    pub gradient_deviation: f64,
+    /// Vertices to which no path leads.
+    pub unreached_vertices: usize,
+    /// For how long heat flowed, in squared mean lengths of edges.
+    pub heat_time: f64,
 }
 
 /// What `unwrap` adds to a report. Flips, overlaps and distortion are those of the file as written and read back.

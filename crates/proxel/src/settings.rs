@@ -1,11 +1,13 @@
 //! Settings of `deform`, with their defaults: the one place that the command line, the library and bindings take them from.
 
+mod geodesic;
 mod method;
 mod newton;
 mod penalty;
 mod rivals;
 mod unwrap;
 
+pub use geodesic::{GeodesicMethod, GeodesicSettings, GradientForm};
 pub use method::MethodName;
 pub use newton::{NewtonSettings, ProjectionName};
 pub use penalty::PenaltyName;

@@ -198,6 +198,7 @@ fn deform_here(
         reactions: sums(input, &body, &reaction, &run.contacts),
         lattice: None,
         map: None,
+        geodesic: None,
     };
     let (status, repaired_tets) = (outcome.status, body.repaired_tets());
     Ok(Deformation { positions, start, status, report, repaired_tets, reaction, carried: None })
