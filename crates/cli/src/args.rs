@@ -13,6 +13,7 @@ use crate::batch::BatchCommand;
 use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
 use crate::demo_unwrap::UNWRAP;
+use crate::geodesic::GeodesicArgs;
 use crate::refusal::Refusal;
 use crate::replay::ReplayArgs;
 use crate::simulate::{SchemaArgs, SimulateArgs};
@@ -33,6 +34,7 @@ Examples:
   proxel deform body.node --pins hands.toml --out posed.vtu
   proxel unwrap spot.obj --out spot-uv.obj              texture coordinates
   proxel simulate scene.toml --out run                  bodies in motion, for ParaView
+  proxel geodesic bunny.obj --source 9689 --out distance.vtu
   proxel batch unwrap scans --out uv --jobs 8           all meshes in a folder
   proxel convert body.msh --out body.vtu --refine 1
 
@@ -48,6 +50,8 @@ pub enum Command {
     Unwrap(Box<UnwrapArgs>),
     /// Let bodies of a scene move: implicit dynamics with obstacles and hard strain limits.
     Simulate(Box<SimulateArgs>),
+    /// Measure distances along a surface from some of its vertices.
+    Geodesic(Box<GeodesicArgs>),
     /// Solve a problem again that --dump has written.
     Replay(Box<ReplayArgs>),
     /// Print the JSON Schema of an input.

@@ -19,6 +19,7 @@ mod demo;
 mod demo_animation;
 mod demo_unwrap;
 mod files;
+mod geodesic;
 mod info;
 mod interrupt;
 mod picture;
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
     let end = match command {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
+        Command::Geodesic(args) => geodesic::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Schema(args) => simulate::schema(&args),

@@ -28,8 +28,7 @@ impl AlongEdges {
     /// For each face its area, its edges by number, out of `n_edges`, and their unit vectors from the vertex of lower number,
     /// in the frame of the face.
     pub fn new(n_edges: usize, edges: &[[u32; 3]], directions: &[[[f64; 2]; 3]], area: Vec<f64>) -> Self {
-        let edge: Vec<u32> =
-            edges.iter().flatten().map(|e| if (*e as usize) < n_edges { *e } else { NONE }).collect();
+        let edge: Vec<u32> = edges.iter().flatten().map(|e| if (*e as usize) < n_edges { *e } else { NONE }).collect();
         let mut direction: Vec<[f64; 2]> = directions.iter().flatten().copied().collect();
         direction.resize(edge.len(), [0.0; 2]);
         let mut offsets = vec![0u32; n_edges + 1];

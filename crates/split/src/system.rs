@@ -3,7 +3,11 @@
 use crate::Problem;
 use crate::equality::Within;
 use proxel_linalg::sparse::{Cholesky, Ordering, Purpose, SolveScratch, SparseError, SymPattern, Symbolic};
+use rayon::prelude::*;
 use std::sync::Arc;
+
+/// Nodes that a task handles.
+const CHUNK: usize = 4096;
 
 /// Parts of the diagonal that are added to it, one after the other, where rounding makes a matrix indefinite.
 const SHIFTS: [f64; 4] = [1e-14, 1e-12, 1e-10, 1e-8];
@@ -218,7 +222,13 @@ impl NormalMatrix {
     /// # Errors
     /// A vector of another length.
     pub fn solve(&mut self, b: &mut [f64]) -> Result<(), SystemError> {
-        self.factor.solve(b, self.dim, &mut self.scratch)?;
+        if self.pattern.nnz() == self.pattern.n() && b.len() == self.dim * self.pattern.n() {
+            // Nodes that no element ties to each other: a factor would only be a detour.
+            let nodes = b.par_chunks_exact_mut(self.dim).zip(&self.values).with_min_len(CHUNK);
+            nodes.for_each(|(b, a)| b.iter_mut().for_each(|b| *b /= a));
+        } else {
+            self.factor.solve(b, self.dim, &mut self.scratch)?;
+        }
         if let Some(within) = &mut self.within {
             within.restrict(b, self.dim);
         }

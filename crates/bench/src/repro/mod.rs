@@ -63,7 +63,7 @@ pub enum Kind {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 26] = [
+pub const ALL: [Reproduction; 27] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -224,6 +224,13 @@ pub const ALL: [Reproduction; 26] = [
         models: &[],
         kind: Kind::Moving,
         run: aa::falling::figure6,
+    },
+    Reproduction {
+        name: "aa-figure12",
+        about: "geodesic distances: the nearest integrable field by ADMM and AA-ADMM, beside a sparse system, pictures",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::figure12::run,
     },
     Reproduction {
         name: "aa-linear-rate",

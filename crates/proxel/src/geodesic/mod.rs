@@ -34,7 +34,7 @@ use crate::settings::{GeodesicMethod, GeodesicSettings};
 use heat::{Flow, Laplacian};
 use proxel_mesh::{Mesh, MeshError};
 use proxel_split::{
-    Cancel, IterationLimit, Method, Observer, Outcome, Problem, ResidualTolerance, Status, Stop, StepReport,
+    Cancel, IterationLimit, Method, Observer, Outcome, Problem, ResidualTolerance, Status, StepReport, Stop,
     SystemError, run,
 };
 use std::sync::Arc;
@@ -190,18 +190,12 @@ impl Run<'_> {
         report.method = method.as_str().to_string();
         report.status = end.status.as_str().to_string();
         report.reason = end.reason;
-        report.seconds =
-            Seconds { setup, solve: self.began.elapsed().as_secs_f64() - setup, ..Seconds::default() };
+        report.seconds = Seconds { setup, solve: self.began.elapsed().as_secs_f64() - setup, ..Seconds::default() };
         phi.iter_mut().for_each(|phi| *phi *= surface.scale);
         Ok(Geodesic { distance: phi, status: end.status, report })
     }
 
-    fn split(
-        &self,
-        surface: &Surface,
-        start: &Start,
-        hooks: &mut Hooks<'_>,
-    ) -> Result<(Vec<f64>, End), GeodesicError> {
+    fn split(&self, surface: &Surface, start: &Start, hooks: &mut Hooks<'_>) -> Result<(Vec<f64>, End), GeodesicError> {
         let settings = self.settings;
         let problem = splitting::problem(surface, &start.flow.directions, settings.form, settings.mu);
         let mut method = splitting::method(problem, settings)?;
@@ -219,13 +213,7 @@ impl Run<'_> {
         Ok((phi, End { status, reason, outcome: Some((outcome, residuals.primal, residuals.dual)) }))
     }
 
-    fn report(
-        &self,
-        surface: &Surface,
-        start: &Start,
-        phi: &[f64],
-        outcome: Option<&(Outcome, f64, f64)>,
-    ) -> Report {
+    fn report(&self, surface: &Surface, start: &Start, phi: &[f64], outcome: Option<&(Outcome, f64, f64)>) -> Report {
         let (mut deviation, mut area) = (0.0, 0.0);
         for (f, g) in start.laplacian.gradient(surface, phi).iter().enumerate() {
             let size = g[0].hypot(g[1]);

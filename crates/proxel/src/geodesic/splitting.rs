@@ -19,8 +19,7 @@ pub fn problem(surface: &Surface, directions: &[[f64; 2]], form: GradientForm, m
     let area: Vec<f64> = surface.area.iter().map(|a| a / mean).collect();
     match form {
         GradientForm::Faces => {
-            let frames: Vec<[[f64; 2]; 3]> =
-                (0..faces).map(|f| [0, 1, 2].map(|k| surface.direction(f, k).0)).collect();
+            let frames: Vec<[[f64; 2]; 3]> = (0..faces).map(|f| [0, 1, 2].map(|k| surface.direction(f, k).0)).collect();
             let set = AlongEdges::new(surface.edges.len(), &surface.face_edges, &frames, area.clone());
             let nodes: Vec<u32> = (0..3 * faces as u32).map(|h| h / 3).collect();
             let weight = |h: usize| if set.is_shared(h) { mu * area[h / 3] } else { 0.0 };

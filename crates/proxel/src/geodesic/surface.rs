@@ -40,8 +40,7 @@ impl Surface {
         mesh.check_indices()?;
         let all = surface(mesh).fan_triangles();
         let mut repaired = Vec::new();
-        let triangles: Vec<[u32; 3]> =
-            all.iter().copied().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        let triangles: Vec<[u32; 3]> = all.iter().copied().filter(|[a, b, c]| a != b && b != c && c != a).collect();
         if triangles.len() < all.len() {
             let dropped = all.len() - triangles.len();
             repaired.push(format!("{}: {dropped} triangles that use a vertex twice are left out", mesh.name));
@@ -54,7 +53,8 @@ impl Surface {
         let half = [0, 1, 2].map(|k| 0.5 * hi[k] - 0.5 * lo[k]);
         let scale = 2.0 * half[0].hypot(half[1]).hypot(half[2]);
         if !(scale > 0.0 && scale.is_finite()) {
-            let text = format!("{}: the diagonal of its bounding box is {scale}; give a surface with a size", mesh.name);
+            let text =
+                format!("{}: the diagonal of its bounding box is {scale}; give a surface with a size", mesh.name);
             return Err(GeodesicError(text));
         }
         let (edges, face_edges) = edges_of(&triangles);

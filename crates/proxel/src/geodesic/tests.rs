@@ -118,7 +118,11 @@ fn odd_meshes() {
     let result = solve(&mesh, &[c], &GeodesicSettings::default());
     let report = result.report;
     assert_eq!(report.repaired.len(), 2, "{:?}", report.repaired);
-    assert!(report.warnings[0].contains("no path") && report.warnings[0].contains("4 vertices"), "{:?}", report.warnings);
+    assert!(
+        report.warnings[0].contains("no path") && report.warnings[0].contains("4 vertices"),
+        "{:?}",
+        report.warnings
+    );
     assert!(result.distance[..n as usize].iter().all(|d| d.is_finite() && *d > -0.05));
     assert!(result.distance[n as usize].is_finite() && result.distance[n as usize + 4] == f64::INFINITY);
     // The splitting needs no manifold either.
@@ -150,7 +154,8 @@ fn the_same_bits_on_any_number_of_threads() {
     let source = mesh.faces.get(3)[0];
     for method in [GeodesicMethod::Poisson, GeodesicMethod::AaAdmm] {
         let on = |threads| {
-            let settings = GeodesicSettings { threads: Some(threads), max_iters: 30, ..by(method, GradientForm::Faces) };
+            let settings =
+                GeodesicSettings { threads: Some(threads), max_iters: 30, ..by(method, GradientForm::Faces) };
             solve(&mesh, &[source], &settings).distance
         };
         let (one, three) = (on(1), on(3));

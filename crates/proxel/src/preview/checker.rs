@@ -78,7 +78,7 @@ pub fn draw_checkerboard(
 }
 
 /// Turns points by 180 degrees around an upright line through the middle of their box.
-fn half_turn(points: &mut [V3], up: V3) {
+pub(super) fn half_turn(points: &mut [V3], up: V3) {
     let up = direction(up, [0.0, 1.0, 0.0]);
     let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for p in points.iter().filter(|p| p.iter().all(|c| c.is_finite())) {

@@ -15,6 +15,7 @@
 mod camera;
 mod checker;
 mod color;
+mod contours;
 mod distortion;
 mod image;
 mod light;
@@ -32,6 +33,7 @@ mod vec;
 pub use camera::Camera;
 pub use checker::{Checker, draw_checkerboard};
 pub use color::{PIN_RED, SAND, blend, colour_map};
+pub use contours::{Contours, draw_distances};
 pub use distortion::{FLIPPED, heat_map, singular_values, stretch_color, stretches};
 pub use image::{Image, animate_pngs};
 pub use uv_map::{UvPicture, draw_uv_map};
@@ -53,12 +55,14 @@ pub struct Model {
     pub colors: Vec<[f32; 3]>,
     /// Texture coordinates, instead of colours.
     pub checker: Option<Checker>,
+    /// A function of the vertices, instead of colours.
+    pub contours: Option<Contours>,
 }
 
 impl Model {
     /// A model in the default colour.
     pub fn new(points: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Self {
-        Model { points, triangles, colors: Vec::new(), checker: None }
+        Model { points, triangles, colors: Vec::new(), checker: None, contours: None }
     }
 
     /// Colours the vertices by numbers in [0, 1] (see [`colour_map`]).
@@ -111,15 +115,16 @@ impl Default for Style {
 struct Body {
     points: Vec<V3>,
     triangles: Vec<[u32; 3]>,
-    normals: Vec<[V3; 3]>,           // of the corners of each triangle
-    albedo: Vec<[f32; 3]>,           // linear
-    checkers: Vec<(usize, Checker)>, // each with its first triangle
+    normals: Vec<[V3; 3]>,                   // of the corners of each triangle
+    albedo: Vec<[f32; 3]>,                   // linear
+    checkers: Vec<(usize, Checker)>,         // each with its first triangle
+    contours: Vec<(usize, usize, Contours)>, // each with its first triangle and its first vertex
 }
 
 impl Body {
     fn new(scene: &Scene, frame: &Frame, crease: f64) -> Self {
         let (mut points, mut triangles, mut albedo) = (Vec::new(), Vec::new(), Vec::new());
-        let mut checkers = Vec::new();
+        let (mut checkers, mut contours) = (Vec::new(), Vec::new());
         for model in &scene.models {
             let first = points.len() as u32;
             points.extend(model.points.iter().map(|&p| frame.inward(p)));
@@ -134,10 +139,13 @@ impl Body {
                 let kept = model.triangles.iter().zip(&checker.uv).filter(|(t, _)| drawable(t)).map(|(_, uv)| *uv);
                 checkers.push((triangles.len(), Checker { uv: kept.collect(), edge: checker.edge }));
             }
+            if let Some(c) = &model.contours {
+                contours.push((triangles.len(), first as usize, c.clone()));
+            }
             triangles.extend(model.triangles.iter().filter(drawable).map(|t| t.map(|v| v + first)));
         }
         let normals = corner_normals(&points, &triangles, crease);
-        Body { points, triangles, normals, albedo, checkers }
+        Body { points, triangles, normals, albedo, checkers, contours }
     }
 
     /// The linear colour of triangle `i` at barycentric coordinates `w`.
@@ -148,6 +156,12 @@ impl Body {
             return color.map(color::to_linear);
         }
         let t = self.triangles[i];
+        let last = self.contours.partition_point(|(first, ..)| *first <= i).checked_sub(1);
+        let contours = last.map(|k| &self.contours[k]);
+        let color = contours.and_then(|(_, first, contours)| contours.color(t.map(|v| v as usize - first), w));
+        if let Some(color) = color {
+            return color.map(color::to_linear);
+        }
         [0, 1, 2].map(|c| (0..3).map(|k| w[k] as f32 * self.albedo[t[k] as usize][c]).sum())
     }
 }

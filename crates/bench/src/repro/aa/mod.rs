@@ -3,6 +3,7 @@
 mod constants;
 mod course;
 pub mod falling;
+pub mod figure12;
 pub mod figure2;
 pub mod figure3;
 pub mod figure4;
