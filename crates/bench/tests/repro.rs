@@ -232,3 +232,21 @@ fn the_bars_of_aa_admm_and_their_rates() {
     let text = read(&out, "aa-linear-rate.md");
     assert!(text.contains("rho(K)") && text.matches("| z-x-u |").count() == 3, "{text}");
 }
+
+#[test]
+fn the_nearest_integrable_field() {
+    let out = folder("aa-figure12");
+    let options = Options { out: out.clone(), quick: true, ..Options::default() };
+    run("aa-figure12", &options, &mut |_| ()).expect("figure 12");
+    let csv = read(&out, "aa-figure12.csv");
+    let reached = |method: &str| {
+        let start = format!("ball,{method},1e-5,");
+        let row = csv.lines().find(|l| l.starts_with(&start) && l.ends_with(",combined")).expect("a row");
+        row[start.len()..].split(',').next().and_then(|n| n.parse::<usize>().ok()).expect("reached")
+    };
+    for form in ["", "edges "] {
+        let (plain, accelerated) = (reached(&format!("{form}admm")), reached(&format!("{form}aa-admm-2 m=6")));
+        assert!(3 * accelerated < 2 * plain, "{form}: {accelerated} against {plain}");
+    }
+    assert!(out.join("aa-figure12-ball.png").exists() && read(&out, "aa-figure12.md").contains("| ball |"));
+}

@@ -149,7 +149,7 @@ impl Start {
     }
 
     /// Shifts each component so that its sources have the mean 0; `inf` where there is no source.
-    fn from_sources(&self, phi: &mut [f64]) {
+    fn shift(&self, phi: &mut [f64]) {
         let mut sums = vec![(0.0, 0u32); phi.len()];
         for v in &self.sources {
             let sum = &mut sums[self.components[*v as usize] as usize];
@@ -185,7 +185,7 @@ impl Run<'_> {
                 (phi, End::of_a_solve(&hooks.cancel))
             }
         };
-        start.from_sources(&mut phi);
+        start.shift(&mut phi);
         let mut report = self.report(&surface, &start, &phi, end.outcome.as_ref());
         report.method = method.as_str().to_string();
         report.status = end.status.as_str().to_string();

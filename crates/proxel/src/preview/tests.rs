@@ -58,6 +58,7 @@ fn the_nearer_surface_hides_the_farther() {
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         colors: vec![color; 4],
         checker: None,
+        contours: None,
     };
     let (red, green) = (square(0.1, [1.0, 0.0, 0.0]), square(-0.1, [0.0, 1.0, 0.0]));
     for models in [vec![red.clone(), green.clone()], vec![green, red]] {

@@ -28,12 +28,19 @@ const LEVELS: [f64; 5] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
 /// A copy counts for three numbers there, for the two of its face's plane here.
 const PER_COPY: f64 = 1.5;
 
+/// A surface and its source.
+struct Found {
+    name: String,
+    mesh: Mesh,
+    vertex: u32,
+}
+
 /// See [`crate::repro::ALL`].
 ///
 /// # Errors
 /// A mesh that cannot be read, a file that cannot be written.
 pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
-    let (found, source) = surfaces()?;
+    let (found, source) = surfaces(&context.models, context.options.quick)?;
     let settings = GeodesicSettings::default();
     let _ = writeln!(
         context.text,
@@ -46,7 +53,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     );
     let mut courses = Vec::new();
     let mut times = Table::new(["surface", "poisson", "admm to 1e-5", "aa-admm to 1e-5", "rms apart at the end"]);
-    for (name, mesh, vertex) in found {
+    for Found { name, mesh, vertex } in found {
         let vertex = if (vertex as usize) < mesh.n_verts() { vertex } else { 0 };
         let mut of_mesh = Vec::new();
         for (method, form, window) in [
@@ -75,25 +82,30 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// The surfaces of the data, or a ball's skin.
-fn surfaces() -> Result<(Vec<(String, Mesh, u32)>, String), BenchError> {
+/// The surfaces of the data that are asked for, all if none is; a ball's skin where there are none, and in a hurry.
+fn surfaces(wanted: &[String], quick: bool) -> Result<(Vec<Found>, String), BenchError> {
     let folder = std::env::var_os("PROXEL_DATA").map(|root| PathBuf::from(root).join("geodesic"));
+    let folder = folder.filter(|_| !quick);
     let mut found = Vec::new();
     for (file, name, vertex) in MODELS {
+        if !wanted.is_empty() && !wanted.iter().any(|w| w == name) {
+            continue;
+        }
         let path = folder.as_ref().map(|folder| folder.join(format!("{file}.obj")));
         if let Some(path) = path.filter(|path| path.exists()) {
-            found.push((name.to_string(), read_mesh(&path).map_err(BenchError::from_display)?, vertex));
+            let mesh = read_mesh(&path).map_err(BenchError::from_display)?;
+            found.push(Found { name: name.to_string(), mesh, vertex });
         }
     }
     if !found.is_empty() {
-        let names: Vec<String> = found.iter().map(|f| f.0.clone()).collect();
+        let names: Vec<String> = found.iter().map(|f| f.name.clone()).collect();
         return Ok((found, format!("Data: {}.", names.join(", "))));
     }
     let ball = generate::ball(1.0, 0.12).map_err(BenchError::from_display)?;
     let skin = Mesh::from_triangles("ball", ball.points.clone(), &boundary_surface(&ball.tets));
     let vertex = skin.faces.get(0)[0];
     let source = "Data: none; the skin of a ball stands in. Set PROXEL_DATA to the folder that holds `geodesic/`.";
-    Ok((vec![("ball".to_string(), skin, vertex)], source.to_string()))
+    Ok((vec![Found { name: "ball".to_string(), mesh: skin, vertex }], source.to_string()))
 }
 
 fn course(
