@@ -2,7 +2,7 @@
 //! the sparse system that has the same minimum.
 
 use super::course::{Course, Point, Residual};
-use super::{csv, most, panel};
+use super::{csv, panel};
 use crate::BenchError;
 use crate::repro::context::Context;
 use crate::table::{Table, seconds};
@@ -128,7 +128,7 @@ fn course(
         None => Box::new(admm),
     };
     let a = if settings.form == GradientForm::Faces { PER_COPY.sqrt() } else { 1.0 };
-    let (most, floor) = (most(context, 3000), LEVELS[LEVELS.len() - 1]);
+    let (most, floor) = (context.options.max_iters.unwrap_or(3000), LEVELS[LEVELS.len() - 1]);
     let course = combined(problem, name, &mut *method, a, (most, floor))?;
     let last = course.points.last().map_or((0, f64::NAN), |p| (p.iteration, p.combined));
     context.tell(&format!("{problem}: {name}: {} iterations, residual {:.1e}", last.0, last.1));
