@@ -21,8 +21,8 @@ pub use embedded::{Carried, Carrier};
 pub use extras::{Extras, extras};
 pub use live::{Deformer, Frame};
 pub use skin::Skin;
-pub(crate) use watch::TimeLimit;
 pub use watch::{Hooks, Progress};
+pub(crate) use watch::{TimeLimit, row};
 
 use crate::pins::HalfSpace;
 use crate::report::{Report, Seconds};

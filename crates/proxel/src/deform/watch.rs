@@ -60,24 +60,29 @@ impl Observer for Watcher<'_, '_> {
             });
         }
         if let Some(trace) = self.hooks.trace.as_deref_mut() {
-            let evaluation = method.evaluate();
-            let residuals = method.residuals();
-            trace(&TraceRow {
-                iteration: report.iteration,
-                seconds,
-                energy: evaluation.energy.value,
-                gradient_norm: evaluation.gradient_norm,
-                position_error: self.body.reference_error(method.x(), &self.start).unwrap_or(f64::INFINITY),
-                primal_residual: residuals.primal,
-                dual_residual: residuals.dual,
-                merit: report.merit.unwrap_or(f64::INFINITY),
-                inner: report.inner,
-                refactorised: report.refactorised,
-                accepted: report.took_proposal(),
-                inverted: evaluation.energy.inverted,
-            });
+            let position_error = self.body.reference_error(method.x(), &self.start).unwrap_or(f64::INFINITY);
+            trace(&row(method, report, seconds, position_error));
         }
         self.watching += now.elapsed();
+    }
+}
+
+/// The row of the trace of a state.
+pub(crate) fn row(method: &mut dyn Method, report: &StepReport, seconds: f64, position_error: f64) -> TraceRow {
+    let (evaluation, residuals) = (method.evaluate(), method.residuals());
+    TraceRow {
+        iteration: report.iteration,
+        seconds,
+        energy: evaluation.energy.value,
+        gradient_norm: evaluation.gradient_norm,
+        position_error,
+        primal_residual: residuals.primal,
+        dual_residual: residuals.dual,
+        merit: report.merit.unwrap_or(f64::INFINITY),
+        inner: report.inner,
+        refactorised: report.refactorised,
+        accepted: report.took_proposal(),
+        inverted: evaluation.energy.inverted,
     }
 }
 

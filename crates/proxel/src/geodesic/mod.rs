@@ -28,7 +28,7 @@ mod surface;
 #[cfg(test)]
 mod tests;
 
-use crate::deform::TimeLimit;
+use crate::deform::{TimeLimit, row};
 use crate::report::{GeodesicReport, Report, Seconds, TraceRow};
 use crate::settings::{GeodesicMethod, GeodesicSettings};
 use heat::{Flow, Laplacian};
@@ -296,21 +296,7 @@ impl Observer for Tracer<'_, '_> {
         let Some(trace) = self.hooks.trace.as_deref_mut() else { return };
         let now = Instant::now();
         let seconds = (now - self.began).saturating_sub(self.watching).as_secs_f64();
-        let (evaluation, residuals) = (method.evaluate(), method.residuals());
-        trace(&TraceRow {
-            iteration: report.iteration,
-            seconds,
-            energy: evaluation.energy.value,
-            gradient_norm: evaluation.gradient_norm,
-            position_error: f64::INFINITY,
-            primal_residual: residuals.primal,
-            dual_residual: residuals.dual,
-            merit: report.merit.unwrap_or(f64::INFINITY),
-            inner: report.inner,
-            refactorised: report.refactorised,
-            accepted: report.took_proposal(),
-            inverted: 0,
-        });
+        trace(&row(method, report, seconds, f64::INFINITY));
         self.watching += now.elapsed();
     }
 }
