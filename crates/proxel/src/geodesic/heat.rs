@@ -73,8 +73,22 @@ impl Laplacian {
         Ok(())
     }
 
+    /// Makes rows and columns of vertices those of the unit matrix, so that they keep what the right-hand side has; that is to
+    /// be 0.
+    fn fix(&self, values: &mut [f64], is_fixed: impl Fn(usize) -> bool) {
+        for j in 0..self.pattern.n() {
+            for slot in self.pattern.col_ptr()[j]..self.pattern.col_ptr()[j + 1] {
+                let i = self.pattern.row_idx()[slot] as usize;
+                if is_fixed(i) || is_fixed(j) {
+                    values[slot] = if i == j { 1.0 } else { 0.0 };
+                }
+            }
+        }
+    }
+
     /// Lets heat flow from the sources for `time` squared mean edges, (M + t L) h = the sources' indicator; longer where it
-    /// would not reach the end. `reached` tells of each vertex whether its component has a source.
+    /// would not reach the end. Where the surface has a border, h is the mean of what no heat leaves through it and of what is
+    /// cold along it, as Crane et al. advise. `reached` tells of each vertex whether its component has a source.
     ///
     /// # Errors
     /// A system that cannot be factored.
@@ -86,6 +100,7 @@ impl Laplacian {
         time: f64,
     ) -> Result<Flow, GeodesicError> {
         let edge = surface.mean_edge();
+        let border = surface.border();
         let mut time = time;
         let mut turn = 0;
         loop {
@@ -103,6 +118,13 @@ impl Laplacian {
                 time *= LONGER;
                 turn += 1;
                 continue;
+            }
+            if border.contains(&true) {
+                let mut cold = vec![0.0; surface.n];
+                sources.iter().filter(|v| !border[**v as usize]).for_each(|v| cold[*v as usize] = 1.0);
+                self.fix(&mut values, |v| border[v]);
+                self.solve(&values, &mut cold)?;
+                heat.iter_mut().zip(cold).for_each(|(heat, cold)| *heat += cold);
             }
             let directions = surface.triangles.iter().enumerate().map(|(f, t)| self.against(f, t, &heat)).collect();
             return Ok(Flow { time, directions });
@@ -139,18 +161,8 @@ impl Laplacian {
         }
         let is_root = |v: u32| roots[v as usize] == v;
         let mut values = self.stiffness.clone();
-        for j in 0..surface.n as u32 {
-            let range = self.pattern.col_ptr()[j as usize]..self.pattern.col_ptr()[j as usize + 1];
-            for slot in range {
-                let i = self.pattern.row_idx()[slot];
-                if is_root(i) || is_root(j) {
-                    values[slot] = if i == j { 1.0 } else { 0.0 };
-                }
-            }
-            if is_root(j) {
-                phi[j as usize] = 0.0;
-            }
-        }
+        self.fix(&mut values, |v| is_root(v as u32));
+        (0..surface.n).filter(|v| is_root(*v as u32)).for_each(|v| phi[v] = 0.0);
         self.solve(&values, &mut phi)?;
         Ok(phi)
     }

@@ -103,6 +103,17 @@ impl Surface {
         ([sign * (b[0] - a[0]) / length, sign * (b[1] - a[1]) / length], forward)
     }
 
+    /// For each vertex whether it is at an edge of one triangle only.
+    pub fn border(&self) -> Vec<bool> {
+        let mut faces = vec![0u32; self.edges.len()];
+        self.face_edges.iter().flatten().for_each(|e| faces[*e as usize] += 1);
+        let mut border = vec![false; self.n];
+        for (edge, _) in self.edges.iter().zip(&faces).filter(|(_, n)| **n == 1) {
+            edge.iter().for_each(|v| border[*v as usize] = true);
+        }
+        border
+    }
+
     /// For each vertex the lowest vertex that triangles join it with; itself where it is alone.
     pub fn components(&self) -> Vec<u32> {
         let mut parent: Vec<u32> = (0..self.n as u32).collect();

@@ -48,6 +48,23 @@ fn arcs_on_a_sphere() {
     assert!(errors[0] < 0.06 && errors[1] < 0.7 * errors[0], "{errors:?}");
 }
 
+/// Straight lines on a plate, from near its border: 1.1 per cent off in the mean, 1.7 if heat could not leave through it.
+#[test]
+fn lines_on_a_plate() {
+    let mesh = cloth([40, 40], [1.0, 1.0]).unwrap();
+    let far = |v: usize, p: [f64; 3]| (0..3).map(|k| (mesh.points[v][k] - p[k]).powi(2)).sum::<f64>().sqrt();
+    let (lo, hi) = mesh.bounding_box().unwrap();
+    let place = [0, 1, 2].map(|k| lo[k] + [0.3, 0.1, 0.1][k] * (hi[k] - lo[k]));
+    let source = (0..mesh.n_verts()).min_by(|a, b| far(*a, place).total_cmp(&far(*b, place))).unwrap();
+    let result = solve(&mesh, &[source as u32], &GeodesicSettings::default());
+    let error = |v: usize| {
+        let line = far(v, mesh.points[source]);
+        if line > 0.0 { (result.distance[v] - line).abs() / line } else { 0.0 }
+    };
+    let mean = (0..mesh.n_verts()).map(error).sum::<f64>() / mesh.n_verts() as f64;
+    assert!(mean < 0.013, "{mean}");
+}
+
 /// On a surface without handles the nearest integrable field by ADMM, plain and accelerated, has the same potential as the
 /// sparse system.
 #[test]
