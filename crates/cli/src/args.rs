@@ -14,6 +14,7 @@ use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
 use crate::demo_unwrap::UNWRAP;
 use crate::geodesic::GeodesicArgs;
+use crate::planarize::PlanarizeArgs;
 use crate::refusal::Refusal;
 use crate::replay::ReplayArgs;
 use crate::simulate::{SchemaArgs, SimulateArgs};
@@ -33,6 +34,7 @@ Examples:
   proxel info body.mesh                                 what a mesh is, and what is wrong with it
   proxel deform body.node --pins hands.toml --out posed.vtu
   proxel unwrap spot.obj --out spot-uv.obj              texture coordinates
+  proxel planarize roof.obj --out flat.obj              planar faces, for panels of glass
   proxel simulate scene.toml --out run                  bodies in motion, for ParaView
   proxel geodesic bunny.obj --source 9689 --out distance.vtu
   proxel batch unwrap scans --out uv --jobs 8           all meshes in a folder
@@ -48,6 +50,8 @@ pub enum Command {
     Deform(Box<DeformArgs>),
     /// Map a surface to the plane with the least distortion: UV coordinates.
     Unwrap(Box<UnwrapArgs>),
+    /// Make the faces of a mesh planar, near to a reference surface.
+    Planarize(Box<PlanarizeArgs>),
     /// Let bodies of a scene move: implicit dynamics with obstacles and hard strain limits.
     Simulate(Box<SimulateArgs>),
     /// Measure distances along a surface from some of its vertices.

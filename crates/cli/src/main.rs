@@ -23,6 +23,7 @@ mod geodesic;
 mod info;
 mod interrupt;
 mod picture;
+mod planarize;
 mod progress;
 mod refusal;
 mod replay;
@@ -49,6 +50,7 @@ fn main() -> ExitCode {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
+        Command::Planarize(args) => planarize::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Schema(args) => simulate::schema(&args),

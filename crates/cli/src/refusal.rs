@@ -4,6 +4,7 @@ use std::fmt;
 
 use proxel::deform::DeformError;
 use proxel::pins::InputError;
+use proxel::shape::ShapeError;
 use proxel::simulate::SimulateError;
 use proxel::unwrap::UnwrapError;
 use proxel_mesh::MeshError;
@@ -55,6 +56,12 @@ impl From<UnwrapError> for Refusal {
 
 impl From<SimulateError> for Refusal {
     fn from(e: SimulateError) -> Self {
+        Refusal(e.to_string())
+    }
+}
+
+impl From<ShapeError> for Refusal {
+    fn from(e: ShapeError) -> Self {
         Refusal(e.to_string())
     }
 }

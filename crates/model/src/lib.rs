@@ -1,6 +1,7 @@
 //! What Proxel minimises: energies (one file each) and the batches of elements that carry them.
 
 pub mod bending;
+pub mod constraint;
 pub mod contact;
 pub mod copies;
 pub mod elements;

@@ -13,6 +13,7 @@ pub mod problem_file;
 pub mod report;
 pub mod samples;
 pub mod settings;
+pub mod shape;
 pub mod simulate;
 pub mod unwrap;
 

@@ -1,5 +1,6 @@
 //! The report: what a run did, for programs. Keys are the same for every command; null where one does not apply.
 
+use crate::shape::ShapeReport;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -80,6 +81,9 @@ pub struct Report {
     /// What is known of a map; its keys stand beside the others.
     #[serde(flatten)]
     pub map: Option<MapReport>,
+    /// What is known of a mesh under geometric constraints; its keys stand beside the others.
+    #[serde(flatten)]
+    pub shape: Option<ShapeReport>,
     /// What is known of distances, likewise.
     #[serde(flatten)]
     pub geodesic: Option<GeodesicReport>,

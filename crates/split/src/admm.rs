@@ -238,7 +238,7 @@ impl Admm {
     /// u <- c(Dx) - p, A(6) third line; z stays, p follows.
     fn dual_step(&mut self) {
         let locals = self.p.iter_mut().zip(&mut self.u).zip(&mut self.coupled);
-        for (term, ((p, u), coupled)) in self.problem.terms.iter_mut().zip(locals) {
+        for (term, ((p, u), coupled)) in self.problem.terms.iter_mut().zip(locals).filter(|(term, _)| term.has_dual()) {
             term.couple(&self.x, coupled);
             let numbers = p.par_iter_mut().zip(u.par_iter_mut()).zip(coupled.par_iter());
             numbers.with_min_len(CHUNK).for_each(|((p, u), c)| {

@@ -181,6 +181,13 @@ pub trait Term: Send + Sync {
     /// Length of this term's part of p and of u.
     fn local_len(&self) -> usize;
 
+    /// Whether its part of the splitting has a dual. One without, such as a soft constraint whose z is the point of a set
+    /// nearest to c(Dx), A(29), keeps u = 0 and p = z between local steps; its weights are no part of residuals and merits
+    /// (zeros in [`Term::local_weights2`], 0 in [`Term::local_dim`]). It asks for the z-x-u order.
+    fn has_dual(&self) -> bool {
+        true
+    }
+
     /// out <- c(Dx).
     fn couple(&mut self, x: &[f64], out: &mut [f64]);
 

@@ -1,0 +1,311 @@
+//! Cells as a term of the splitting.
+
+use super::cells::CHUNK;
+use super::gather::Gather;
+use super::{Cells, Reduction, Set, V3, dot, sub};
+use proxel_linalg::sparse::SymPattern;
+use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Whether sets hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Hold {
+    /// They do: z is in the set, and Dx = z. The number is mu = w^2 of A(29), which steers the iteration, not its end.
+    Hard(f64),
+    /// As far as the weight w of w/2 dist(Dx, C)^2 makes them. z is the point nearest to Dx; there is no dual. In the x-step
+    /// z is held, which bounds the distance from above: Bouaziz et al. 2012.
+    Soft(f64),
+}
+
+/// A [`Term`] over [`Cells`]: one virtual call a batch, static inside. Local vectors are rows of three, element by element.
+pub struct Batch<R, S> {
+    cells: Arc<Cells<R, S>>,
+    hold: Hold,
+    base: f64,      // mu as it was given
+    weight2: f64,   // as it is
+    candidate: f64, // as it may become
+    gather: Gather,
+    z: Vec<V3>,      // scratch; for soft sets the nearest point to `at`
+    at: Vec<V3>,     // Dx that z is nearest to, where sets are soft: a pass at the same x does not ask again
+    forces: Vec<V3>, // scratch: a corner each
+}
+
+impl<R: Reduction, S: Set> Batch<R, S> {
+    /// Of cells that are kept elsewhere too.
+    pub fn new(cells: Arc<Cells<R, S>>, hold: Hold) -> Self {
+        let weight = match hold {
+            Hold::Hard(mu) => mu,
+            Hold::Soft(w) => w,
+        };
+        let local = cells.len() * cells.rows;
+        let at = if matches!(hold, Hold::Soft(_)) { vec![[f64::NAN; 3]; local] } else { Vec::new() };
+        Batch {
+            gather: Gather::new(&cells.nodes),
+            z: vec![[0.0; 3]; local],
+            at,
+            forces: vec![[0.0; 3]; cells.nodes.len()],
+            hold,
+            base: weight,
+            weight2: weight,
+            candidate: weight,
+            cells,
+        }
+    }
+
+    fn is_soft(&self) -> bool {
+        matches!(self.hold, Hold::Soft(_))
+    }
+
+    /// Adds the forces of all corners to their nodes.
+    fn gather(&self, grad: &mut [f64]) {
+        self.gather.add(&self.forces, grad.as_chunks_mut::<3>().0);
+    }
+
+    /// z <- the points nearest to Dx, where that has changed.
+    fn follow(&mut self, x: &[f64]) {
+        let cells = &*self.cells;
+        let rows = cells.rows;
+        let x = x.as_chunks::<3>().0;
+        let numbers = self.z.par_chunks_mut(CHUNK * rows).zip(self.at.par_chunks_mut(CHUNK * rows)).enumerate();
+        numbers.for_each(|(chunk, (z, at))| {
+            let mut c = vec![[0.0; 3]; rows];
+            for (k, (z, at)) in z.chunks_exact_mut(rows).zip(at.chunks_exact_mut(rows)).enumerate() {
+                let e = chunk * CHUNK + k;
+                R::reduce(x, cells.element(e), &mut c);
+                if c != at {
+                    at.copy_from_slice(&c);
+                    z.copy_from_slice(&c);
+                    cells.set.project(e, z);
+                }
+            }
+        });
+    }
+
+    /// v = Dx + u, z <- P(v); in the x-z-u order u <- v - z; p <- z - u; forces <- w^2 D^T (Dx - p).
+    fn split(&mut self, cycle: &Cycle, x: &[f64], p: &mut [V3], u: &mut [V3]) -> LocalReport {
+        let (cells, w2) = (&*self.cells, self.weight2);
+        let (rows, corners) = (cells.rows, cells.corners);
+        let x = x.as_chunks::<3>().0;
+        let updates_dual = cycle.order == Order::Xzu;
+        let state = p.par_chunks_mut(CHUNK * rows).zip(u.par_chunks_mut(CHUNK * rows));
+        let scratch = self.z.par_chunks_mut(CHUNK * rows).zip(self.forces.par_chunks_mut(CHUNK * corners));
+        let chunk = |(chunk, ((z, forces), (p, u))): (usize, ((&mut [V3], &mut [V3]), (&mut [V3], &mut [V3])))| {
+            let mut report = LocalReport::default();
+            let elements = forces.chunks_exact_mut(corners).zip(z.chunks_exact_mut(rows));
+            let state = p.chunks_exact_mut(rows).zip(u.chunks_exact_mut(rows));
+            for (k, ((f, z), (p, u))) in elements.zip(state).enumerate() {
+                let e = chunk * CHUNK + k;
+                R::reduce(x, cells.element(e), &mut f[..rows]);
+                // While z is sought p holds the z of before, and u holds v where it is to become v - z.
+                for r in 0..rows {
+                    for d in 0..3 {
+                        let (c, before) = (f[r][d], p[r][d] + u[r][d]);
+                        report.penalty_before += 0.5 * w2 * (c - p[r][d]).powi(2);
+                        report.gap2_before += w2 * (c - before).powi(2);
+                        z[r][d] = c + u[r][d] + (cycle.relaxation - 1.0) * (c - before);
+                        p[r][d] = before;
+                        u[r][d] = if updates_dual { z[r][d] } else { u[r][d] };
+                    }
+                }
+                cells.set.project(e, z);
+                for r in 0..rows {
+                    for d in 0..3 {
+                        let (c, z) = (f[r][d], z[r][d]);
+                        report.moved2 += w2 * (z - p[r][d]).powi(2);
+                        report.gap2 += w2 * (c - z).powi(2);
+                        let v = if updates_dual { u[r][d] } else { c + u[r][d] };
+                        report.penalty_after += 0.5 * w2 * (v - z).powi(2);
+                        u[r][d] = if updates_dual { v - z } else { u[r][d] };
+                        p[r][d] = z - u[r][d];
+                        report.objective += 0.5 * w2 * (c - p[r][d]).powi(2);
+                        f[r][d] = w2 * (c - p[r][d]);
+                    }
+                }
+                f[rows..].fill([0.0; 3]);
+                R::spread(f);
+            }
+            report
+        };
+        let reports: Vec<LocalReport> = scratch.zip(state).enumerate().map(chunk).collect();
+        let mut total = LocalReport::default();
+        reports.into_iter().for_each(|report| total += report);
+        total
+    }
+
+    /// 1/2 w^2 |Dx - p|^2; forces <- w^2 D^T (Dx - p).
+    fn aim(&mut self, x: &[f64], p: &[V3]) -> f64 {
+        let (cells, w2) = (&*self.cells, self.weight2);
+        let (rows, corners) = (cells.rows, cells.corners);
+        let x = x.as_chunks::<3>().0;
+        let numbers = self.forces.par_chunks_mut(CHUNK * corners).zip(p.par_chunks(CHUNK * rows)).enumerate();
+        let values: Vec<f64> = numbers
+            .map(|(chunk, (forces, p))| {
+                let mut value = 0.0;
+                for (k, (f, p)) in forces.chunks_exact_mut(corners).zip(p.chunks_exact(rows)).enumerate() {
+                    R::reduce(x, cells.element(chunk * CHUNK + k), &mut f[..rows]);
+                    for (f, p) in f.iter_mut().zip(p) {
+                        let gap = sub(*f, *p);
+                        value += 0.5 * w2 * dot(gap, gap);
+                        *f = gap.map(|c| w2 * c);
+                    }
+                    f[rows..].fill([0.0; 3]);
+                    R::spread(f);
+                }
+                value
+            })
+            .collect();
+        values.into_iter().sum()
+    }
+
+    /// The same toward the nearest points.
+    fn aim_at_nearest(&mut self, x: &[f64]) -> f64 {
+        self.follow(x);
+        let z = std::mem::take(&mut self.z);
+        let value = self.aim(x, &z);
+        self.z = z;
+        value
+    }
+}
+
+impl<R: Reduction, S: Set> Term for Batch<R, S> {
+    fn n_elems(&self) -> usize {
+        self.cells.len()
+    }
+
+    fn is_hard(&self) -> bool {
+        !self.is_soft()
+    }
+
+    fn local_len(&self) -> usize {
+        3 * self.z.len()
+    }
+
+    fn local_dim(&self) -> usize {
+        if self.is_soft() { 0 } else { self.local_len() }
+    }
+
+    fn has_dual(&self) -> bool {
+        !self.is_soft()
+    }
+
+    fn couple(&mut self, x: &[f64], out: &mut [f64]) {
+        let cells = &*self.cells;
+        let x = x.as_chunks::<3>().0;
+        out.as_chunks_mut::<3>().0.par_chunks_mut(CHUNK * cells.rows).enumerate().for_each(|(chunk, out)| {
+            for (k, out) in out.chunks_exact_mut(cells.rows).enumerate() {
+                R::reduce(x, cells.element(chunk * CHUNK + k), out);
+            }
+        });
+    }
+
+    fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
+        self.cycle_step(&Cycle::PLAIN, x, p, u, grad)
+    }
+
+    fn cycle_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
+        let report = if self.is_soft() {
+            let objective = self.aim_at_nearest(x);
+            p.copy_from_slice(self.z.as_flattened());
+            u.fill(0.0);
+            // What it is worth; penalties and residuals are those of split variables.
+            LocalReport { value_after: objective, objective, ..LocalReport::default() }
+        } else {
+            self.split(cycle, x, p.as_chunks_mut::<3>().0, u.as_chunks_mut::<3>().0)
+        };
+        self.gather(grad);
+        report
+    }
+
+    fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
+        let value = self.aim(x, p.as_chunks::<3>().0);
+        self.gather(grad);
+        PenaltyReport { value, energy: None }
+    }
+
+    /// Soft: sum w/2 dist^2, with its gradient w D^T (Dx - nearest). Hard: 0, and the largest violation.
+    fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport {
+        if !self.is_soft() {
+            let violation = self.cells.violation(x.as_chunks::<3>().0);
+            return EnergyReport { violation, ..EnergyReport::default() };
+        }
+        let value = self.aim_at_nearest(x);
+        if let Some(grad) = grad {
+            self.gather(grad);
+        }
+        EnergyReport { value, ..EnergyReport::default() }
+    }
+
+    fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual {
+        let mut residual = Residual::default();
+        if self.is_soft() {
+            return residual;
+        }
+        let (cells, x) = (&*self.cells, x.as_chunks::<3>().0);
+        let mut c = vec![[0.0; 3]; cells.rows];
+        let state = p.chunks_exact(3 * cells.rows).zip(u.chunks_exact(3 * cells.rows));
+        for (e, (p, u)) in state.enumerate() {
+            R::reduce(x, cells.element(e), &mut c);
+            for (c, (p, u)) in c.as_flattened().iter().zip(p.iter().zip(u)) {
+                let z = p + u;
+                residual.gap2 += self.weight2 * (c - z).powi(2);
+                residual.size2 += self.weight2 * z * z;
+            }
+        }
+        residual
+    }
+
+    fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {
+        self.cells.nodes.chunks_exact(self.cells.corners).for_each(visit);
+    }
+
+    fn add_normal(&self, pattern: &SymPattern, values: &mut [f64]) {
+        let corners = self.cells.corners;
+        for nodes in self.cells.nodes.chunks_exact(corners) {
+            for (a, i) in nodes.iter().enumerate().filter(|(_, i)| (**i as usize) < pattern.n()) {
+                for (b, j) in nodes.iter().enumerate().filter(|(_, j)| **j <= *i) {
+                    if let Some(slot) = pattern.slot(*i as usize, *j as usize) {
+                        values[slot] += self.weight2 * R::normal(a, b, corners);
+                    }
+                }
+            }
+        }
+    }
+
+    /// A set has no stiffness, and weighs nothing against others.
+    fn add_characteristic_force(&self, _: &mut [f64]) {}
+
+    fn scale(&self) -> Scale {
+        Scale { weight2: self.weight2 * self.cells.len() as f64, ..Scale::default() }
+    }
+
+    fn local_weights2(&self, out: &mut [f64]) {
+        out.fill(if self.is_soft() { 0.0 } else { self.weight2 });
+    }
+
+    /// That of a hard set stays unless the range forbids it; that of a soft one is part of the objective.
+    fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
+        if self.is_soft() {
+            return 1.0;
+        }
+        self.candidate = self.base * 1.0_f64.max(range.0).min(range.1);
+        (self.candidate / self.weight2).max(self.weight2 / self.candidate)
+    }
+
+    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
+        false
+    }
+
+    fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
+        let scale = self.weight2 / self.candidate;
+        if self.is_soft() || scale == 1.0 {
+            return;
+        }
+        self.weight2 = self.candidate;
+        for (p, u) in p.iter_mut().zip(u) {
+            let z = *p + *u;
+            *u *= scale;
+            *p = z - *u;
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! The finish of a constrained shape: Gauss-Newton steps to the hard sets.
+
+use proxel_linalg::sparse::{BlockMatrix, Cholesky, Ordering, SolveScratch, SparseError, SymPattern, Symbolic};
+use proxel_model::constraint::{Relation, Rows, RowsOf};
+use proxel_split::{
+    EnergyReport, Evaluation, LocalReport, Method, Problem, Residuals, StepReport, SystemError, Trial, vector,
+};
+use std::sync::Arc;
+
+/// Hard sets of a problem as equations, which its splitting does not know.
+pub(super) type Constraints = Vec<Arc<dyn RowsOf>>;
+
+/// The least steps d to where the linearised hard sets hold:
+///
+/// ```text
+/// min over d   1/2 d^T (H + tau I) d   subject to   c + J d = 0
+/// ```
+///
+/// H is the Hessian of the soft objective with the nearest points held, so that fairness is kept, and what the splitting has
+/// made of the objective. The step is found by the method of multipliers on one factor of H + tau I + rho J^T J, which takes
+/// equations that depend on each other as they come; an inequality is part of it where it would be violated. tau, Levenberg
+/// and Marquardt's, is raised and the step tried again where the sets are violated by more afterwards.
+pub(super) struct Finish {
+    problem: Problem,
+    constraints: Constraints,
+    stiffness: f64, // of the soft springs, per vertex: the diagonal of H besides the quadratic form
+    x: Vec<f64>,
+    rows: Rows,
+    multipliers: Vec<f64>,
+    pattern: SymPattern,
+    matrix: BlockMatrix,
+    factor: Cholesky<f64>,
+    scratch: SolveScratch,
+    hessian: Vec<f64>, // of the quadratic form, slot by slot
+    damping: f64,      // tau
+    violation: f64,    // at x
+    dual: f64,         // the dual residual that the splitting has ended with
+    iteration: usize,
+}
+
+/// rho over the stiffness of the soft terms: an iteration of multipliers gains so many digits, and a factor has ten left.
+const PENALTY: f64 = 1e6;
+/// Iterations of multipliers a step, at most.
+const MULTIPLIERS: usize = 12;
+/// Trials of a step, tau growing by [`RAISE`] each time.
+const TRIALS: usize = 8;
+/// See [`TRIALS`].
+const RAISE: f64 = 10.0;
+/// tau below this part of the stiffness is none.
+const LEAST: f64 = 1e-2;
+/// Inequalities that hold by more than this, over the mean edge or in radians, are no part of a step.
+const NEAR: f64 = 1e-9;
+
+fn broken(e: SparseError) -> SystemError {
+    SystemError::Factor(e.to_string())
+}
+
+impl Finish {
+    /// Goes on from x, where a splitting has got to in some iterations, to a dual residual.
+    ///
+    /// # Errors
+    /// A pattern that is too large.
+    pub fn new(
+        problem: Problem,
+        constraints: Constraints,
+        stiffness: f64,
+        x: Vec<f64>,
+        (iteration, dual): (usize, f64),
+    ) -> Result<Self, SystemError> {
+        let (mut flat, mut ends) = (Vec::new(), vec![0]);
+        let n = problem.n_free as u32;
+        for term in &problem.terms {
+            term.for_each_element(&mut |nodes| {
+                flat.extend(nodes.iter().filter(|node| **node < n));
+                ends.push(flat.len());
+            });
+        }
+        problem.quadratic.form.for_each_pair(&mut |i, j| {
+            flat.extend([i, j]);
+            ends.push(flat.len());
+        });
+        let cliques: Vec<&[u32]> = ends.windows(2).map(|w| &flat[w[0]..w[1]]).collect();
+        let pattern = SymPattern::from_cliques(problem.n_free, &cliques).map_err(broken)?;
+        let symbolic = Symbolic::analyze(&pattern, Ordering::Auto).and_then(|s| s.expanded(3)).map_err(broken)?;
+        let mut hessian = vec![0.0; pattern.nnz()];
+        problem.quadratic.form.add_to(&pattern, &mut hessian);
+        let mut finish = Finish {
+            matrix: BlockMatrix::new(&pattern, 3).map_err(broken)?,
+            factor: Cholesky::new(Arc::new(symbolic)),
+            scratch: SolveScratch::default(),
+            problem,
+            constraints,
+            stiffness,
+            x,
+            rows: Rows::default(),
+            multipliers: Vec::new(),
+            pattern,
+            hessian,
+            damping: 0.0,
+            violation: f64::INFINITY,
+            dual,
+            iteration,
+        };
+        finish.violation = finish.violation_at(&finish.x);
+        Ok(finish)
+    }
+
+    fn violation_at(&self, x: &[f64]) -> f64 {
+        let x = x.as_chunks::<3>().0;
+        self.constraints.iter().map(|c| c.violation(x)).fold(0.0, f64::max)
+    }
+
+    /// H + tau I + rho J^T J, and its factor.
+    fn refactor(&mut self, active: &[bool], rho: f64) -> Result<(), SystemError> {
+        self.matrix.values_mut().fill(0.0);
+        self.matrix.add_identities(&self.hessian).map_err(broken)?;
+        for i in 0..self.problem.n_free {
+            self.matrix.add_to_diagonal(i, self.stiffness + self.damping);
+        }
+        let (pattern, values) = (&self.pattern, self.matrix.values_mut());
+        for r in (0..self.rows.len()).filter(|r| active[*r]) {
+            let (nodes, gradients) = self.rows.row(r);
+            for (i, a) in nodes.iter().zip(gradients) {
+                for (j, b) in nodes.iter().zip(gradients).filter(|(j, _)| *j <= i) {
+                    let Some(slot) = pattern.slot(*i as usize, *j as usize) else { continue };
+                    let block = &mut values[9 * slot..9 * slot + 9];
+                    for (k, entry) in block.iter_mut().enumerate() {
+                        *entry += rho * a[k / 3] * b[k % 3];
+                    }
+                }
+            }
+        }
+        Ok(self.factor.refactor(self.matrix.values())?)
+    }
+
+    /// d and lambda of the quadratic program with these rows as equations.
+    fn solve(&mut self, active: &[bool], rho: f64) -> Result<Vec<f64>, SystemError> {
+        self.multipliers.clear();
+        self.multipliers.resize(self.rows.len(), 0.0);
+        let size = self.rows.values().iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+        let mut d = vec![0.0; 3 * self.problem.n_free];
+        let mut before = f64::INFINITY;
+        for _ in 0..MULTIPLIERS {
+            // The gradient of the augmented Lagrangian at d = 0, so that d is solved for anew.
+            let mut b = vec![0.0; d.len()];
+            for r in (0..self.rows.len()).filter(|r| active[*r]) {
+                self.rows.add_gradient(r, -(self.multipliers[r] + rho * self.rows.values()[r]), &mut b);
+            }
+            self.factor.solve_in_place(&mut b, 1, &mut self.scratch)?;
+            d = b;
+            let mut left = 0.0_f64;
+            for r in (0..self.rows.len()).filter(|r| active[*r]) {
+                let c = self.rows.values()[r] + self.rows.along(r, &d);
+                self.multipliers[r] += rho * c;
+                left = left.max(c.abs());
+            }
+            if left <= f64::EPSILON * size || !(left < 0.5 * before) {
+                break;
+            }
+            before = left;
+        }
+        Ok(d)
+    }
+
+    /// d with the active rows found: violated inequalities, less those that would pull.
+    fn direction(&mut self) -> Result<Vec<f64>, SystemError> {
+        let rho = PENALTY * self.stiffness;
+        let mut active = vec![true; self.rows.len()];
+        loop {
+            self.refactor(&active, rho)?;
+            let d = self.solve(&active, rho)?;
+            let mut dropped = false;
+            for r in 0..self.rows.len() {
+                let holds = self.rows.relations()[r] == Relation::NotAbove && self.rows.values()[r] <= NEAR;
+                if active[r] && holds && self.multipliers[r] < 0.0 {
+                    active[r] = false;
+                    self.multipliers[r] = 0.0;
+                    dropped = true;
+                }
+            }
+            if !dropped {
+                return Ok(d);
+            }
+        }
+    }
+}
+
+impl Method for Finish {
+    fn name(&self) -> &str {
+        "auto"
+    }
+
+    fn step(&mut self) -> Result<StepReport, SystemError> {
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        self.constraints.iter().for_each(|c| c.add_rows(self.x.as_chunks::<3>().0, NEAR, &mut rows));
+        self.rows = rows;
+        let mut rejected = 0;
+        loop {
+            let d = self.direction()?;
+            let mut x = self.x.clone();
+            x.iter_mut().zip(&d).for_each(|(x, d)| *x += d);
+            let violation = self.violation_at(&x);
+            if violation < self.violation && vector::is_finite(&x) {
+                (self.x, self.violation) = (x, violation);
+                self.damping = if self.damping > LEAST * self.stiffness { self.damping / RAISE } else { 0.0 };
+                break;
+            }
+            rejected += 1;
+            if rejected > TRIALS {
+                return Err(SystemError::Stalled(format!(
+                    "no step makes the constraints hold better than to {:.1e} of the mean edge: they may contradict each \
+                     other; see `violated` of the report",
+                    self.violation
+                )));
+            }
+            self.damping = (RAISE * self.damping).max(self.stiffness);
+        }
+        self.iteration += 1;
+        Ok(StepReport {
+            iteration: self.iteration,
+            inner: rejected + 1,
+            refactorised: true,
+            accepted: true,
+            energy_z: f64::INFINITY,
+            merit: Some(self.violation),
+            trial: Trial::default(),
+            local: LocalReport::default(),
+        })
+    }
+
+    fn x(&self) -> &[f64] {
+        &self.x
+    }
+
+    fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    fn energy(&mut self) -> EnergyReport {
+        self.problem.energy(&self.x, None)
+    }
+
+    fn evaluate(&mut self) -> Evaluation {
+        Evaluation { energy: self.energy(), gradient_norm: f64::INFINITY }
+    }
+
+    fn factor_bytes(&self) -> u64 {
+        let (factor, workspace) = self.factor.bytes();
+        (factor + workspace) as u64
+    }
+
+    fn into_problem(self: Box<Self>) -> Problem {
+        self.problem
+    }
+
+    /// The largest violation, and the dual residual of the splitting.
+    fn residuals(&mut self) -> Residuals {
+        Residuals { primal: self.violation, dual: self.dual }
+    }
+}

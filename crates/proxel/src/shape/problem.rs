@@ -1,0 +1,178 @@
+//! From a mesh to a problem.
+
+use super::finish::Constraints;
+use super::measure::edge_lengths;
+use super::reference::Surface;
+use super::{ShapeError, ShapeInput, ShapeMethod, ShapeSettings};
+use proxel_mesh::topology::face_edges;
+use proxel_mesh::{Mesh, Polygons};
+use proxel_model::constraint::{
+    Batch, Cells, Closest, EdgeDifference, Hold, Length, MeanCentred, Near, Planar, Reduction, Set, V3, Vertex, fairing,
+};
+use proxel_split::{Problem, Quadratic, Term};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The part of the shortest edge of the input that no edge of a result of `auto` is below: half, and what rounding takes.
+pub(super) const SHORTEST: f64 = 0.501;
+
+/// A mesh in coordinates of its own: centred, and scaled by a power of two that makes its mean edge about 1, so that no digit
+/// of a coordinate depends on units.
+pub(super) struct Shape {
+    pub faces: Polygons,
+    pub surface: Arc<dyn Closest>,
+    pub start: Vec<V3>,  // vertices likewise
+    pub used: Vec<bool>, // whether a vertex is in a face
+    pub mean_edge: f64,  // in own coordinates
+    pub shortest: f64,   // edge of the start
+    pub warnings: Vec<String>,
+    center: V3,
+    scale: f64,
+}
+
+/// Its problem: terms for the splitting, and hard sets by themselves.
+pub(super) struct Posed {
+    pub problem: Problem,
+    pub constraints: Constraints,
+    pub closeness: f64,
+}
+
+fn check_faces(mesh: &Mesh) -> Result<(), ShapeError> {
+    mesh.check_indices()?;
+    if !mesh.tets.is_empty() || mesh.faces.is_empty() {
+        let what = if mesh.tets.is_empty() { "has no faces" } else { "has tetrahedra" };
+        return Err(ShapeError(format!("{}: it {what}; give a surface of polygons", mesh.name)));
+    }
+    if let Some((i, f)) = mesh.faces.iter().enumerate().find(|(_, f)| f.len() < 3) {
+        let text = format!("{}: face {i} (0-based) has {} corners; remove it", mesh.name, f.len());
+        return Err(ShapeError(text));
+    }
+    Ok(())
+}
+
+impl Shape {
+    /// Checks the input and puts it into its own coordinates.
+    pub fn new(input: &ShapeInput) -> Result<Self, ShapeError> {
+        let mesh = &input.mesh;
+        check_faces(mesh)?;
+        mesh.check_repeated()?;
+        let mut used = vec![false; mesh.n_verts()];
+        mesh.faces.indices().iter().for_each(|v| used[*v as usize] = true);
+        let (mean, _) = edge_lengths(&mesh.points, &mesh.faces);
+        if !(mean > 0.0 && mean.is_finite()) {
+            return Err(ShapeError(format!(
+                "{}: its edges have the mean length {mean}; give a surface with an extent",
+                mesh.name
+            )));
+        }
+        let (low, high) = mesh.bounding_box().unwrap_or_default();
+        let center = [0, 1, 2].map(|d| 0.5 * low[d] + 0.5 * high[d]);
+        let scale = mean.log2().round().exp2();
+        let own = |p: &V3| [0, 1, 2].map(|d| (p[d] - center[d]) / scale);
+        let start: Vec<V3> = mesh.points.iter().map(own).collect();
+        let reference = input.reference.as_ref().unwrap_or(mesh);
+        check_faces(reference)?;
+        let corners: Vec<V3> = reference.points.iter().map(own).collect();
+        let (surface, dropped) = Surface::new(&corners, &reference.faces.fan_triangles())
+            .map_err(|e| ShapeError(format!("{}: {e}; give a reference surface with an extent", reference.name)))?;
+        let mut warnings = Vec::new();
+        if dropped > 0 {
+            warnings.push(format!(
+                "{}: {dropped} triangles of it have no area, and are no part of the reference",
+                reference.name
+            ));
+        }
+        let points = mesh.faces.iter().filter(|f| f.iter().all(|v| start[*v as usize] == start[f[0] as usize])).count();
+        if points > 0 {
+            warnings.push(format!("{}: {points} faces are collapsed to a point; they count as planar", mesh.name));
+        }
+        let loose = used.iter().filter(|used| !**used).count();
+        if loose > 0 {
+            warnings.push(format!("{}: {loose} vertices are in no face, and stay where they are", mesh.name));
+        }
+        let (mean_edge, shortest) = edge_lengths(&start, &mesh.faces);
+        let faces = mesh.faces.clone();
+        let surface = Arc::new(surface);
+        Ok(Shape { faces, surface, start, used, mean_edge, shortest, warnings, center, scale })
+    }
+
+    /// From own coordinates to those of the user; vertices of no face as they came.
+    pub fn positions(&self, x: &[f64], input: &Mesh) -> Vec<V3> {
+        let of = |((x, used), point): ((&V3, &bool), &V3)| match used {
+            true => [0, 1, 2].map(|d| x[d] * self.scale + self.center[d]),
+            false => *point,
+        };
+        x.as_chunks::<3>().0.iter().zip(&self.used).zip(&input.points).map(of).collect()
+    }
+
+    /// The way back.
+    pub fn own(&self, points: &[V3]) -> Vec<V3> {
+        points.iter().map(|p| [0, 1, 2].map(|d| (p[d] - self.center[d]) / self.scale)).collect()
+    }
+
+    /// A length of the user's in own coordinates.
+    pub fn length(&self, of_user: f64) -> f64 {
+        of_user / self.scale
+    }
+
+    /// Distances of the vertices of faces from the reference.
+    pub fn distances(&self, points: &[V3]) -> Vec<f64> {
+        let off = |p: &V3| {
+            let q = self.surface.closest(*p);
+            (0..3).map(|d| (p[d] - q[d]).powi(2)).sum::<f64>().sqrt()
+        };
+        points.iter().zip(&self.used).filter(|(_, used)| **used).map(|(p, _)| off(p)).collect()
+    }
+
+    /// Soft: closeness to the reference, and fairing; hard: nothing yet.
+    fn posed(&self, settings: &ShapeSettings) -> Result<Posed, ShapeError> {
+        let n = self.start.len();
+        let nodes: Vec<u32> = (0..n as u32).filter(|v| self.used[*v as usize]).collect();
+        let near = Cells::<Vertex, _>::new(nodes, 1, Near::Shared(self.surface.clone()))?;
+        let near: Box<dyn Term> = Box::new(Batch::new(Arc::new(near), Hold::Soft(settings.closeness)));
+        let x0 = self.start.as_flattened().to_vec();
+        let mut quadratic = Quadratic::default();
+        let stencils = fairing::laplacian(n, self.faces.iter());
+        if settings.fairing > 0.0 && !stencils.is_empty() {
+            // weight/2 |L (x - x~)|^2 = 1/2 x^T K x - (K x~) . x + 1/2 x~^T K x~.
+            quadratic.form = stencils.form(n, settings.fairing);
+            let mut loads = vec![0.0; x0.len()];
+            quadratic.constant = quadratic.form.value_and_gradient(&x0, 3, Some(&mut loads));
+            quadratic.loads = loads;
+        }
+        let loose = (0..n as u32).filter(|v| !self.used[*v as usize]);
+        quadratic.springs = loose.map(|v| (v, settings.closeness, self.start[v as usize])).collect();
+        let problem = Problem { dim: 3, n_free: n, x0, terms: vec![near], quadratic, barrier: false };
+        Ok(Posed { problem, constraints: Vec::new(), closeness: settings.closeness })
+    }
+
+    /// Planar faces: A, section 4.2.
+    pub fn planarize(&self, settings: &ShapeSettings) -> Result<Posed, ShapeError> {
+        let mut posed = self.posed(settings)?;
+        let mut by_corners: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+        for face in self.faces.iter().filter(|f| f.len() > 3) {
+            by_corners.entry(face.len()).or_default().extend_from_slice(face);
+        }
+        for (corners, nodes) in by_corners {
+            posed.hold(Cells::<MeanCentred, _>::new(nodes, corners, Planar)?, settings.mu);
+        }
+        if settings.method == ShapeMethod::Auto && !posed.constraints.is_empty() {
+            // The objective of the paper knows no shape of faces, and its minimum may have edges of next to no length.
+            let least = SHORTEST * self.shortest;
+            if least > 0.0 {
+                let edges = face_edges(&self.faces).into_flattened();
+                let lengths = Length::within(least, f64::INFINITY);
+                posed.hold(Cells::<EdgeDifference, _>::new(edges, 2, lengths)?, settings.mu);
+            }
+        }
+        Ok(posed)
+    }
+}
+
+impl Posed {
+    fn hold<R: Reduction, S: Set + 'static>(&mut self, cells: Cells<R, S>, mu: f64) {
+        let cells = Arc::new(cells);
+        self.problem.terms.push(Box::new(Batch::new(cells.clone(), Hold::Hard(mu))));
+        self.constraints.push(cells);
+    }
+}

@@ -1,0 +1,206 @@
+//! The course of a run: a splitting, and its finish.
+
+use super::finish::Finish;
+use super::problem::{Posed, Shape};
+use super::{EXACT, ShapeError, ShapeMethod, ShapeSettings};
+use crate::deform::{Hooks, Progress, TimeLimit};
+use crate::report::TraceRow;
+use proxel_split::{
+    Acceleration, Admm, AdmmSettings, Algorithm, Cancel, Cycle, Direct, Extrapolation, History, IterationLimit, Method,
+    Observer, Order, Outcome, ResidualTolerance, Residuals, Status, StepReport, Stop, Verdict, normalized,
+};
+use std::time::{Duration, Instant};
+
+/// A run that is over.
+pub(super) struct Ended {
+    pub x: Vec<f64>,
+    pub status: Status,
+    pub reason: String,
+    pub iterations: usize,
+    pub inner: usize,
+    pub refactorisations: usize,
+    pub accepted: usize,
+    pub rejected: usize,
+    pub energy: f64,
+    pub residuals: Residuals,
+    pub factor_bytes: u64,
+    pub setup: f64,
+    pub solve: f64,
+}
+
+/// The normalised combined residual without mu at which `auto` leaves the splitting.
+const SETTLED: f64 = 3e-5;
+/// The residual that is enough after [`PATIENCE`] iterations.
+const ENOUGH: f64 = 1e-4;
+/// See [`ENOUGH`].
+const PATIENCE: usize = 1000;
+/// Steps of the finish, at most.
+const FINISH: usize = 60;
+
+/// The splitting that settings ask for: z-x-u, under Algorithm 2.
+pub(super) fn splitting(posed: Posed, settings: &ShapeSettings) -> Result<(Box<dyn Method>, Rest), ShapeError> {
+    let Posed { problem, constraints, closeness } = posed;
+    let name = settings.method.as_str().to_string();
+    let parts = AdmmSettings { name, global: Box::new(Direct), reweighting: None, renewed_at: None };
+    let admm = Admm::new(problem, parts)?;
+    let build = |e: proxel_split::BuildError| ShapeError(e.to_string());
+    let window = if settings.method == ShapeMethod::Admm { 0 } else { settings.anderson };
+    let method: Box<dyn Method> = match window {
+        // Merits are known of an accelerated iteration, so the plain one is the accelerated one without columns.
+        0 if settings.method == ShapeMethod::Admm => {
+            Box::new(admm.with_cycle(Cycle { order: Order::Zxu, relaxation: 1.0 }).map_err(build)?)
+        }
+        0 => Acceleration { algorithm: Algorithm::Two, by: Extrapolation::None, history: History::AsPublished }
+            .of(admm)
+            .map_err(build)?,
+        m => Acceleration::anderson(Algorithm::Two, m).of(admm).map_err(build)?,
+    };
+    Ok((method, Rest { constraints, closeness }))
+}
+
+/// What the finish needs besides the problem.
+pub(super) struct Rest {
+    constraints: super::finish::Constraints,
+    closeness: f64,
+}
+
+/// Solves.
+pub(super) fn run(
+    shape: &Shape,
+    posed: Posed,
+    settings: &ShapeSettings,
+    hooks: &mut Hooks<'_>,
+    began: Instant,
+) -> Result<Ended, ShapeError> {
+    let (mut method, rest) = splitting(posed, settings)?;
+    let setup = began.elapsed().as_secs_f64();
+    let auto = settings.method == ShapeMethod::Auto;
+    let mut handover = Handover { a: shape.mean_edge, mu: settings.mu };
+    let mut tolerance = ResidualTolerance::new(settings.tol);
+    let mut limit = IterationLimit(settings.max_iters);
+    let mut cancel = Cancel(hooks.cancel.clone());
+    let mut time = TimeLimit::new(began, settings.time_limit);
+    let mut watcher = Watcher { hooks, began, watching: Duration::ZERO, skips: false };
+    let free = rest.constraints.is_empty();
+    let mut stops: Vec<&mut dyn Stop> = vec![&mut tolerance, &mut cancel, &mut time, &mut limit];
+    if auto && !free {
+        stops.push(&mut handover);
+    }
+    let outcome = proxel_split::run(method.as_mut(), &mut stops, &mut watcher);
+    let over = matches!(outcome.status, Status::Failed | Status::Cancelled) || outcome.iterations >= settings.max_iters;
+    if !auto || free || over {
+        let residuals = method.residuals();
+        let factor_bytes = method.factor_bytes();
+        return Ok(ended(outcome, residuals, factor_bytes, setup, began));
+    }
+    let before = outcome;
+    let (x, dual) = (method.x().to_vec(), method.residuals().dual);
+    let settled = before.reason.clone();
+    let problem = method.into_problem();
+    let mut finish = Finish::new(problem, rest.constraints, rest.closeness, x, (before.iterations, dual))?;
+    watcher.skips = true;
+    let mut exact = Exact { settled };
+    let mut last = IterationLimit(settings.max_iters.min(before.iterations + FINISH));
+    let mut stops: Vec<&mut dyn Stop> = vec![&mut exact, &mut cancel, &mut time, &mut last];
+    let mut outcome = proxel_split::run(&mut finish, &mut stops, &mut watcher);
+    outcome.accepted += before.accepted;
+    outcome.rejected += before.rejected;
+    outcome.inner_iterations += before.inner_iterations;
+    outcome.refactorisations += before.refactorisations;
+    outcome.iterations = outcome.iterations.max(before.iterations);
+    let residuals = finish.residuals();
+    let factor_bytes = finish.factor_bytes();
+    outcome.x = finish.x().to_vec();
+    Ok(ended(outcome, residuals, factor_bytes, setup, began))
+}
+
+fn ended(outcome: Outcome, residuals: Residuals, factor_bytes: u64, setup: f64, began: Instant) -> Ended {
+    Ended {
+        x: outcome.x,
+        status: outcome.status,
+        reason: outcome.reason,
+        iterations: outcome.iterations,
+        inner: outcome.inner_iterations,
+        refactorisations: outcome.refactorisations,
+        accepted: outcome.accepted,
+        rejected: outcome.rejected,
+        energy: outcome.energy.value,
+        residuals,
+        factor_bytes,
+        setup,
+        solve: began.elapsed().as_secs_f64() - setup,
+    }
+}
+
+/// The splitting has done its part.
+struct Handover {
+    a: f64,
+    mu: f64,
+}
+
+impl Stop for Handover {
+    fn check(&mut self, method: &mut dyn Method, report: &StepReport) -> Option<Verdict> {
+        let residual = normalized(report.merit? / self.mu, method.problem().local_dim(), self.a);
+        let settled = residual <= SETTLED || (residual <= ENOUGH && report.iteration >= PATIENCE);
+        settled.then(|| Verdict {
+            status: Status::Stopped,
+            reason: format!("combined residual {residual:.1e} after {} iterations of the splitting", report.iteration),
+        })
+    }
+}
+
+/// Hard sets hold.
+struct Exact {
+    settled: String, // why the splitting has ended
+}
+
+impl Stop for Exact {
+    fn check(&mut self, method: &mut dyn Method, _: &StepReport) -> Option<Verdict> {
+        let violation = method.residuals().primal;
+        (violation <= EXACT).then(|| Verdict {
+            status: Status::Converged,
+            reason: format!("{}; then constraints were made to hold to {violation:.1e}", self.settled),
+        })
+    }
+}
+
+/// Feeds the hooks.
+struct Watcher<'a, 'b> {
+    hooks: &'a mut Hooks<'b>,
+    began: Instant,
+    watching: Duration, // time spent on what only the hooks need
+    skips: bool,        // the next state has been seen already
+}
+
+impl Observer for Watcher<'_, '_> {
+    fn observe(&mut self, method: &mut dyn Method, report: &StepReport) {
+        if std::mem::take(&mut self.skips) {
+            return;
+        }
+        let now = Instant::now();
+        let seconds = (now - self.began).saturating_sub(self.watching).as_secs_f64();
+        if let Some(progress) = self.hooks.progress.as_deref_mut() {
+            let energy = method.energy();
+            progress(&Progress { iteration: report.iteration, seconds, energy: energy.value, inverted: 0 });
+        }
+        if let Some(trace) = self.hooks.trace.as_deref_mut() {
+            let energy = method.energy();
+            let residuals = method.residuals();
+            trace(&TraceRow {
+                iteration: report.iteration,
+                seconds,
+                energy: energy.value,
+                gradient_norm: f64::INFINITY,
+                position_error: f64::INFINITY,
+                primal_residual: residuals.primal,
+                dual_residual: residuals.dual,
+                merit: report.merit.unwrap_or(f64::INFINITY),
+                inner: report.inner,
+                refactorised: report.refactorised,
+                accepted: report.took_proposal(),
+                inverted: 0,
+            });
+        }
+        self.watching += now.elapsed();
+    }
+}

@@ -1,0 +1,100 @@
+//! Settings of the commands that shape a mesh, with their defaults.
+
+use serde::{Deserialize, Serialize};
+
+/// A method of `planarize` and `wire`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ShapeMethod {
+    /// Accelerated ADMM to a few digits, then Newton's method on the constraints.
+    #[default]
+    Auto,
+    /// Algorithm 2 of Zhang et al. 2019 on A(29).
+    AaAdmm,
+    /// The z-x-u iteration as it is.
+    Admm,
+}
+
+impl ShapeMethod {
+    /// All of them.
+    pub const ALL: [ShapeMethod; 3] = [ShapeMethod::Auto, ShapeMethod::AaAdmm, ShapeMethod::Admm];
+
+    /// Its name on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            ShapeMethod::Auto => "auto",
+            ShapeMethod::AaAdmm => "aa-admm",
+            ShapeMethod::Admm => "admm",
+        }
+    }
+
+    /// From its name on the command line.
+    pub fn from_name(name: &str) -> Option<ShapeMethod> {
+        ShapeMethod::ALL.into_iter().find(|m| m.as_str() == name)
+    }
+}
+
+/// How a mesh is shaped.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShapeSettings {
+    /// The method.
+    pub method: ShapeMethod,
+    /// mu, the squared weight of hard constraints in the splitting; weights of soft ones are measured against 1.
+    pub mu: f64,
+    /// m, columns of Anderson acceleration.
+    pub anderson: usize,
+    /// Weight of the closeness of each vertex to the reference.
+    pub closeness: f64,
+    /// Weight of relative Laplacian fairing: how much differential coordinates stay as they are.
+    pub fairing: f64,
+    /// Tolerance of residuals.
+    pub tol: f64,
+    /// Most iterations.
+    pub max_iters: usize,
+    /// Seconds after which a run stops.
+    pub time_limit: Option<f64>,
+    /// Threads; all processors without it.
+    pub threads: Option<usize>,
+}
+
+impl ShapeSettings {
+    /// Those of Zhang et al. 2019 for planar faces.
+    pub fn planarize() -> Self {
+        ShapeSettings {
+            method: ShapeMethod::Auto,
+            mu: 1e5,
+            anderson: 6,
+            closeness: 1.0,
+            fairing: 0.1,
+            tol: 1e-9,
+            max_iters: 5000,
+            time_limit: None,
+            threads: None,
+        }
+    }
+
+    /// Checks numbers that would make no sense.
+    ///
+    /// # Errors
+    /// Names the option, its value and what to give.
+    pub fn check(&self) -> Result<(), String> {
+        let positive = |option: &str, v: f64| match v > 0.0 && v.is_finite() {
+            true => Ok(()),
+            false => Err(format!("--{option} is {v}; give a positive number")),
+        };
+        positive("mu", self.mu)?;
+        positive("closeness", self.closeness)?;
+        positive("tol", self.tol)?;
+        if !(self.fairing >= 0.0 && self.fairing.is_finite()) {
+            return Err(format!("--fairing is {}; give a number that is not negative", self.fairing));
+        }
+        if let Some(limit) = self.time_limit.filter(|t| !(*t > 0.0 && t.is_finite())) {
+            return Err(format!("--time-limit is {limit}; give a positive number of seconds"));
+        }
+        match self.threads {
+            Some(0) => Err("--threads is 0; give at least 1".to_string()),
+            _ => Ok(()),
+        }
+    }
+}
