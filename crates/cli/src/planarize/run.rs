@@ -150,7 +150,10 @@ fn say(input: &Mesh, out: &Path, result: &Shaped, written: &[PathBuf]) -> Result
             change("mean distance from the reference", shape.reference_distance_mean),
         );
         for v in shape.violated.iter().take(3) {
-            eprintln!("warning: {} {} (0-based) is off its plane by {:.1e} of the mean edge", v.kind, v.index, v.violation);
+            eprintln!(
+                "warning: {} {} (0-based) is off its plane by {:.1e} of the mean edge",
+                v.kind, v.index, v.violation
+            );
         }
     }
     written.iter().for_each(|path| say!("wrote {}", path.display()));
