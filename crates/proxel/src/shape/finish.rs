@@ -1,4 +1,4 @@
-//! The finish of a constrained shape: Gauss-Newton steps to the hard sets.
+//! The finish of a constrained shape: a few steps along the hard sets, then Gauss-Newton steps to them.
 
 use proxel_linalg::sparse::{BlockMatrix, Cholesky, Ordering, SolveScratch, SparseError, SymPattern, Symbolic};
 use proxel_model::constraint::{Relation, Rows, RowsOf};
@@ -10,16 +10,19 @@ use std::sync::Arc;
 /// Hard sets of a problem as equations, which its splitting does not know.
 pub(super) type Constraints = Vec<Arc<dyn RowsOf>>;
 
-/// The least steps d to where the linearised hard sets hold:
+/// Steps d of sequential quadratic programming:
 ///
 /// ```text
-/// min over d   1/2 d^T (H + tau I) d   subject to   c + J d = 0
+/// min over d   g . d + 1/2 d^T (H + tau I) d   subject to   c + J d = 0
 /// ```
 ///
-/// H is the Hessian of the soft objective with the nearest points held, so that fairness is kept, and what the splitting has
-/// made of the objective. The step is found by the method of multipliers on one factor of H + tau I + rho J^T J, which takes
-/// equations that depend on each other as they come; an inequality is part of it where it would be violated. tau, Levenberg
-/// and Marquardt's, is raised and the step tried again where the sets are violated by more afterwards.
+/// H is the Hessian of the soft objective with the nearest points held. In the first steps g is the gradient of the soft
+/// objective, in which the splitting is slow along the sets, and a step is taken if f + nu sum |c| falls; then g is 0, which are the
+/// least steps to where the linearised sets hold, and one is taken if they are violated less. tau, Levenberg and Marquardt's, is raised
+/// until that is so and no vertex moves far.
+///
+/// The program is solved by the method of multipliers on one factor of H + tau I + rho J^T J, which takes equations that depend on
+/// each other as they come; an inequality is part of it where it would be violated.
 pub(super) struct Finish {
     problem: Problem,
     constraints: Constraints,
@@ -35,6 +38,7 @@ pub(super) struct Finish {
     damping: f64,      // tau
     violation: f64,    // at x
     dual: f64,         // the dual residual that the splitting has ended with
+    descents: usize,   // steps with g that are left
     iteration: usize,
 }
 
@@ -42,6 +46,10 @@ pub(super) struct Finish {
 const PENALTY: f64 = 1e6;
 /// Iterations of multipliers a step, at most.
 const MULTIPLIERS: usize = 12;
+/// Steps with g.
+const DESCENTS: usize = 4;
+/// The farthest that a vertex moves in such a step, over the mean edge or so.
+const FAR: f64 = 0.25;
 /// Trials of a step, tau growing by [`RAISE`] each time.
 const TRIALS: usize = 8;
 /// See [`TRIALS`].
@@ -99,6 +107,7 @@ impl Finish {
             damping: 0.0,
             violation: f64::INFINITY,
             dual,
+            descents: DESCENTS,
             iteration,
         };
         finish.violation = finish.violation_at(&finish.x);
@@ -108,6 +117,14 @@ impl Finish {
     fn violation_at(&self, x: &[f64]) -> f64 {
         let x = x.as_chunks::<3>().0;
         self.constraints.iter().map(|c| c.violation(x)).fold(0.0, f64::max)
+    }
+
+    /// sum |c|, inequalities where they are violated.
+    fn broken(&self, x: &[f64]) -> f64 {
+        let mut rows = Rows::default();
+        self.constraints.iter().for_each(|c| c.add_rows(x.as_chunks::<3>().0, 0.0, &mut rows));
+        let size = |(c, relation): (&f64, &Relation)| if *relation == Relation::Zero { c.abs() } else { c.max(0.0) };
+        rows.values().iter().zip(rows.relations()).map(size).sum()
     }
 
     /// H + tau I + rho J^T J, and its factor.
@@ -134,7 +151,7 @@ impl Finish {
     }
 
     /// d and lambda of the quadratic program with these rows as equations.
-    fn solve(&mut self, active: &[bool], rho: f64) -> Result<Vec<f64>, SystemError> {
+    fn solve(&mut self, g: &[f64], active: &[bool], rho: f64) -> Result<Vec<f64>, SystemError> {
         self.multipliers.clear();
         self.multipliers.resize(self.rows.len(), 0.0);
         let size = self.rows.values().iter().fold(0.0_f64, |m, c| m.max(c.abs()));
@@ -142,7 +159,7 @@ impl Finish {
         let mut before = f64::INFINITY;
         for _ in 0..MULTIPLIERS {
             // The gradient of the augmented Lagrangian at d = 0, so that d is solved for anew.
-            let mut b = vec![0.0; d.len()];
+            let mut b: Vec<f64> = g.iter().map(|g| -g).collect();
             for r in (0..self.rows.len()).filter(|r| active[*r]) {
                 self.rows.add_gradient(r, -(self.multipliers[r] + rho * self.rows.values()[r]), &mut b);
             }
@@ -163,12 +180,12 @@ impl Finish {
     }
 
     /// d with the active rows found: violated inequalities, less those that would pull.
-    fn direction(&mut self) -> Result<Vec<f64>, SystemError> {
+    fn direction(&mut self, g: &[f64]) -> Result<Vec<f64>, SystemError> {
         let rho = PENALTY * self.stiffness;
         let mut active = vec![true; self.rows.len()];
         loop {
             self.refactor(&active, rho)?;
-            let d = self.solve(&active, rho)?;
+            let d = self.solve(g, &active, rho)?;
             let mut dropped = false;
             for r in 0..self.rows.len() {
                 let holds = self.rows.relations()[r] == Relation::NotAbove && self.rows.values()[r] <= NEAR;
@@ -195,18 +212,38 @@ impl Method for Finish {
         rows.clear();
         self.constraints.iter().for_each(|c| c.add_rows(self.x.as_chunks::<3>().0, NEAR, &mut rows));
         self.rows = rows;
-        let mut rejected = 0;
+        let (descends, mut rejected) = (self.descents > 0, 0);
+        let mut g = vec![0.0; 3 * self.problem.n_free];
+        let before = self.problem.energy(&self.x, descends.then_some(g.as_mut_slice())).value;
         loop {
-            let d = self.direction()?;
+            let d = self.direction(&g)?;
             let mut x = self.x.clone();
             x.iter_mut().zip(&d).for_each(|(x, d)| *x += d);
             let violation = self.violation_at(&x);
-            if violation < self.violation && vector::is_finite(&x) {
+            let good = match descends {
+                true => {
+                    let farthest = d.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
+                    // Above the largest multiplier the penalty is exact.
+                    let nu = 2.0 * self.multipliers.iter().fold(0.0_f64, |m, l| m.max(l.abs()));
+                    let merit = |value: f64, broken: f64| value + nu * broken;
+                    let after = self.problem.energy(&x, None).value;
+                    let (old, new) = (self.broken(&self.x), self.broken(&x));
+                    farthest <= FAR && merit(after, new) < merit(before, old)
+                }
+                false => violation < self.violation,
+            };
+            if good && vector::is_finite(&x) {
                 (self.x, self.violation) = (x, violation);
                 self.damping = if self.damping > LEAST * self.stiffness { self.damping / RAISE } else { 0.0 };
+                self.descents = self.descents.saturating_sub(1);
                 break;
             }
             rejected += 1;
+            if rejected > TRIALS && descends {
+                // To the sets from where it is.
+                (self.descents, self.damping) = (0, 0.0);
+                return self.step();
+            }
             if rejected > TRIALS {
                 return Err(SystemError::Stalled(format!(
                     "no step makes the constraints hold better than to {:.1e} of the mean edge: they may contradict each \
@@ -214,7 +251,7 @@ impl Method for Finish {
                     self.violation
                 )));
             }
-            self.damping = (RAISE * self.damping).max(self.stiffness);
+            self.damping = (RAISE * self.damping).max(0.1 * self.stiffness);
         }
         self.iteration += 1;
         Ok(StepReport {
