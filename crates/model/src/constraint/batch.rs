@@ -90,7 +90,7 @@ impl<R: Reduction, S: Set> Batch<R, S> {
         let updates_dual = cycle.order == Order::Xzu;
         let state = p.par_chunks_mut(CHUNK * rows).zip(u.par_chunks_mut(CHUNK * rows));
         let scratch = self.z.par_chunks_mut(CHUNK * rows).zip(self.forces.par_chunks_mut(CHUNK * corners));
-        let chunk = |(chunk, ((z, forces), (p, u))): (usize, ((&mut [V3], &mut [V3]), (&mut [V3], &mut [V3])))| {
+        let chunks = scratch.zip(state).enumerate().map(|(chunk, ((z, forces), (p, u)))| {
             let mut report = LocalReport::default();
             let elements = forces.chunks_exact_mut(corners).zip(z.chunks_exact_mut(rows));
             let state = p.chunks_exact_mut(rows).zip(u.chunks_exact_mut(rows));
@@ -126,8 +126,8 @@ impl<R: Reduction, S: Set> Batch<R, S> {
                 R::spread(f);
             }
             report
-        };
-        let reports: Vec<LocalReport> = scratch.zip(state).enumerate().map(chunk).collect();
+        });
+        let reports: Vec<LocalReport> = chunks.collect();
         let mut total = LocalReport::default();
         reports.into_iter().for_each(|report| total += report);
         total

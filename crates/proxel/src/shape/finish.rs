@@ -171,7 +171,8 @@ impl Finish {
                 self.multipliers[r] += rho * c;
                 left = left.max(c.abs());
             }
-            if left <= f64::EPSILON * size || !(left < 0.5 * before) {
+            let falls = left < 0.5 * before;
+            if left <= f64::EPSILON * size || !falls {
                 break;
             }
             before = left;

@@ -123,7 +123,8 @@ pub fn spread(values: &[f64]) -> [f64; 2] {
 /// Those of `values` above a bound, the largest first, ten at most.
 pub fn worst(kind: &str, values: &[f64], bound: f64) -> Vec<Violated> {
     // Values that are no numbers are violations too.
-    let bad = values.iter().enumerate().filter(|(_, v)| !(**v <= bound));
+    let holds = |v: f64| v <= bound;
+    let bad = values.iter().enumerate().filter(|(_, v)| !holds(**v));
     let mut bad: Vec<(usize, f64)> = bad.map(|(i, v)| (i, *v)).collect();
     bad.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     bad.truncate(10);
