@@ -2,7 +2,8 @@
 //!
 //! This crate is the facade: applications that turn a description (meshes, pins, settings) into a problem for the
 //! splitting engine and its result back into what the user gave. [`deform`] poses bodies, [`keyframes`] move their
-//! handles, [`simulate`] lets them fall. [`geodesic`] measures surfaces. [`problem_file`] keeps a problem, to be solved again.
+//! handles, [`simulate`] lets them fall. [`geodesic`] measures surfaces, [`shape`] makes their faces planar.
+//! [`problem_file`] keeps a problem, to be solved again.
 
 pub mod deform;
 pub mod geodesic;

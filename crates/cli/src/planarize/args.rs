@@ -27,19 +27,22 @@ pub struct PlanarizeArgs {
     #[arg(long, value_name = "REF")]
     pub reference: Option<PathBuf>,
     /// Weight of the squared distance of each vertex from the reference.
-    #[arg(long, value_name = "W", default_value_t = ShapeSettings::planarize().closeness, allow_negative_numbers = true)]
+    #[arg(long, value_name = "W", allow_negative_numbers = true)]
+    #[arg(default_value_t = ShapeSettings::planarize().closeness)]
     pub closeness: f64,
     /// Weight of relative Laplacian fairing: how much vertices stay as they are among their neighbours.
     #[arg(long, value_name = "W", default_value_t = ShapeSettings::planarize().fairing, allow_negative_numbers = true)]
     pub fairing: f64,
     #[command(flatten)]
     pub solve: SolveArgs,
-    /// auto: accelerated ADMM, then Gauss-Newton until faces are planar to 1e-10 of the mean edge, no edge below half of
-    /// the shortest; aa-admm: Algorithm 2 of Zhang et al. 2019; admm: the iteration as it is.
-    #[arg(long, value_name = "NAME", value_parser = methods(), default_value = ShapeMethod::default().as_str(), help_heading = "Method")]
+    /// auto: accelerated ADMM, then Gauss-Newton until faces are planar to 1e-10 of the mean edge, no edge below half
+    /// of the shortest; aa-admm: Algorithm 2 of Zhang et al. 2019; admm: the iteration as it is.
+    #[arg(long, value_name = "NAME", value_parser = methods(), help_heading = "Method")]
+    #[arg(default_value = ShapeMethod::default().as_str())]
     pub method: String,
     /// Penalty of planarity in the splitting.
-    #[arg(long, value_name = "MU", default_value_t = ShapeSettings::planarize().mu, allow_negative_numbers = true, help_heading = "Method")]
+    #[arg(long, value_name = "MU", allow_negative_numbers = true, help_heading = "Method")]
+    #[arg(default_value_t = ShapeSettings::planarize().mu)]
     pub mu: f64,
     /// Columns of Anderson acceleration.
     #[arg(long, value_name = "M", default_value_t = ShapeSettings::planarize().anderson, help_heading = "Method")]

@@ -64,9 +64,13 @@ pub fn run(args: &PlanarizeArgs) -> Result<u8, Refusal> {
     let mut written = Vec::new();
     let mesh = input.mesh.with_points(result.positions.clone())?;
     let fields = fields(&result);
-    write_mesh(out, &mesh, &fields)?;
-    written.push(out.clone());
-    if let Some(path) = &common.preview {
+    // Of a failed run nothing is worth keeping but what it says.
+    let failed = result.status == Status::Failed;
+    if !failed {
+        write_mesh(out, &mesh, &fields)?;
+        written.push(out.clone());
+    }
+    if let Some(path) = common.preview.as_ref().filter(|_| !failed) {
         picture(&input.mesh, &mesh).write_png(path)?;
         written.push(path.clone());
     }

@@ -4,8 +4,8 @@ use super::{Relation, Row, Set, V3, across, add, cross, dot, norm, scale};
 
 /// low <= angle between the two rows <= high, in radians within [0, pi].
 ///
-/// Outside, the nearest point turns both sides in their plane, by theta and phi with theta + phi = eta, what is missing, and
-/// shortens them by cos theta and cos phi: |v1|^2 sin^2 theta + |v2|^2 sin^2 phi is least at
+/// Outside, the nearest point turns both sides in their plane, by theta and phi with theta + phi = eta, what is
+/// missing, and shortens them by cos theta and cos phi: |v1|^2 sin^2 theta + |v2|^2 sin^2 phi is least at
 /// theta = atan2(|v2|^2 sin 2 eta, |v1|^2 + |v2|^2 cos 2 eta) / 2.
 #[derive(Clone, Copy, Debug)]
 pub struct AngleRange {

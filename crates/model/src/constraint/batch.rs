@@ -13,12 +13,13 @@ use std::sync::Arc;
 pub enum Hold {
     /// They do: z is in the set, and Dx = z. The number is mu = w^2 of A(29), which steers the iteration, not its end.
     Hard(f64),
-    /// As far as the weight w of w/2 dist(Dx, C)^2 makes them. z is the point nearest to Dx; there is no dual. In the x-step
-    /// z is held, which bounds the distance from above: Bouaziz et al. 2012.
+    /// As far as the weight w of w/2 dist(Dx, C)^2 makes them. z is the point nearest to Dx; there is no dual. In the
+    /// x-step z is held, which bounds the distance from above: Bouaziz et al. 2012.
     Soft(f64),
 }
 
-/// A [`Term`] over [`Cells`]: one virtual call a batch, static inside. Local vectors are rows of three, element by element.
+/// A [`Term`] over [`Cells`]: one virtual call a batch, static inside. Local vectors are rows of three, element by
+/// element.
 pub struct Batch<R, S> {
     cells: Arc<Cells<R, S>>,
     hold: Hold,

@@ -48,7 +48,8 @@ impl Stencils {
 /// - a vertex of the border with two border edges, of two faces: v - (b1 + b2)/2,
 /// - others, such as corners of one face and vertices where more than one border passes: nothing.
 ///
-/// The Laplacian L of [`form`](Stencils::form) times x - x~ holds the shape of before, which is then no part of the gradient.
+/// The Laplacian L of [`form`](Stencils::form) times x - x~ holds the shape of before, which is then no part of the
+/// gradient.
 pub fn laplacian<'a>(n: usize, faces: impl Iterator<Item = &'a [u32]> + Clone) -> Stencils {
     // At each corner the next vertex and the one before it: (vertex, next, before, face).
     let mut wings: Vec<(u32, u32, u32, u32)> = Vec::new();

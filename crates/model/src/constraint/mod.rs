@@ -1,14 +1,16 @@
 //! Geometric constraints: sets that parts of a mesh are to be in, or near to.
 //!
 //! ```text
-//! min over x   1/2 |L (x - x~)|^2 + sum_soft w_i/2 dist(D_i x, C_i)^2   subject to   D_j x in C_j for all hard j      A(29)
+//! min over x   1/2 |L (x - x~)|^2 + sum_soft w_i/2 dist(D_i x, C_i)^2   subject to   D_j x in C_j for all hard j     
+//! A(29)
 //! ```
 //!
 //! A [`Set`] knows its nearest points; a [`Reduction`] takes the corners of an element to the rows that the set is of:
-//! to their mean ([`MeanCentred`]), to the first of them ([`TipDifferences`]), the difference of two ([`EdgeDifference`]), or
-//! the vertex itself ([`Vertex`]). [`Cells`] are like elements with one set each, [`Batch`] is the [`proxel_split::Term`]
-//! over them: hard, a split variable with a dual, or soft, z = the nearest point, which has none. [`fairing`] makes the
-//! quadratic that holds x near the shape of before, [`Rows`] are the hard sets to first order.
+//! to their mean ([`MeanCentred`]), to the first of them ([`TipDifferences`]), the difference of two
+//! ([`EdgeDifference`]), or the vertex itself ([`Vertex`]). [`Cells`] are like elements with one set each, [`Batch`] is
+//! the [`proxel_split::Term`] over them: hard, a split variable with a dual, or soft, z = the nearest point, which has
+//! none. [`fairing`] makes the quadratic that holds x near the shape of before, [`Rows`] are the hard sets to first
+//! order.
 //!
 //! | set | reduction | violation |
 //! |---|---|---|
@@ -50,8 +52,8 @@ pub trait Set: Send + Sync {
     /// How far v is outside of the set of element `e`, in the units of the set; 0 within.
     fn violation(&self, e: usize, v: &[V3]) -> f64;
 
-    /// The set of element `e` to first order around v: what has to vanish, or not to be above 0, and its gradient by rows.
-    /// Inequalities that hold by more than `near` may be left out.
+    /// The set of element `e` to first order around v: what has to vanish, or not to be above 0, and its gradient by
+    /// rows. Inequalities that hold by more than `near` may be left out.
     fn linearize(&self, e: usize, v: &[V3], near: f64, row: &mut dyn FnMut(Row<'_>));
 }
 

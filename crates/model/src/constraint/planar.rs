@@ -3,9 +3,9 @@
 use super::{Relation, Row, Set, V3, dot};
 use proxel_linalg::svd::eig3_sym;
 
-/// Corners in a common plane, any number of them: of mean-centred corners, those without a component along one direction.
-/// The nearest such point leaves out the component along the direction in which they have least, the last left singular
-/// vector: Bouaziz et al. 2012. The violation is the largest distance from the best plane.
+/// Corners in a common plane, any number of them: of mean-centred corners, those without a component along one
+/// direction. The nearest such point leaves out the component along the direction in which they have least, the last
+/// left singular vector: Bouaziz et al. 2012. The violation is the largest distance from the best plane.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Planar;
 
@@ -19,8 +19,8 @@ pub struct BestPlane {
 }
 
 impl BestPlane {
-    /// Of mean-centred points. The eigenvectors of sum v v^T; an error in them of rounding over the gap of its eigenvalues
-    /// moves no distance by more than rounding times the extent, since the gap is what points reach.
+    /// Of mean-centred points. The eigenvectors of sum v v^T; an error in them of rounding over the gap of its
+    /// eigenvalues moves no distance by more than rounding times the extent, since the gap is what points reach.
     pub fn of(v: &[V3]) -> Self {
         let mut m = [0.0; 6];
         // Scaled, so that squares neither vanish nor overflow.
@@ -55,9 +55,9 @@ impl Set for Planar {
         })
     }
 
-    /// Heights h_i = n . v_i change by n . dv_i - a . (s_i, t_i) where the best plane turns by a and moves: what is left
-    /// has no part along 1, s and t, the in-plane coordinates of the corners. With an orthonormal basis b of what is
-    /// orthogonal to those: sum_i b_i h_i = 0, k - 3 equations.
+    /// Heights h_i = n . v_i change by n . dv_i - a . (s_i, t_i) where the best plane turns by a and moves: what is
+    /// left has no part along 1, s and t, the in-plane coordinates of the corners. With an orthonormal basis b of what
+    /// is orthogonal to those: sum_i b_i h_i = 0, k - 3 equations.
     fn linearize(&self, _: usize, v: &[V3], _: f64, row: &mut dyn FnMut(Row<'_>)) {
         if v.len() < 4 {
             return;

@@ -11,8 +11,8 @@ fn distance2(a: &[V3], b: &[V3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| dot(sub(*a, *b), sub(*a, *b))).sum()
 }
 
-/// Slow twin: of many points of the set, random ones and ones around the projection, none is nearer. `member` makes a point of
-/// the set of any rows, without the projection.
+/// Slow twin: of many points of the set, random ones and ones around the projection, none is nearer. `member` makes a
+/// point of the set of any rows, without the projection.
 fn check_projection(set: &impl Set, n: usize, size: f64, member: impl Fn(&[V3], &mut SplitMix) -> Vec<V3>) {
     let mut random = SplitMix::new(7);
     for _ in 0..60 {

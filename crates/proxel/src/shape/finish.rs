@@ -16,13 +16,13 @@ pub(super) type Constraints = Vec<Arc<dyn RowsOf>>;
 /// min over d   g . d + 1/2 d^T (H + tau I) d   subject to   c + J d = 0
 /// ```
 ///
-/// H is the Hessian of the soft objective with the nearest points held. In the first steps g is the gradient of the soft
-/// objective, in which the splitting is slow along the sets, and a step is taken if f + nu sum |c| falls; then g is 0, which are the
-/// least steps to where the linearised sets hold, and one is taken if they are violated less. tau, Levenberg and Marquardt's, is raised
-/// until that is so and no vertex moves far.
+/// H is the Hessian of the soft objective with the nearest points held. In the first steps g is the gradient of the
+/// soft objective, in which the splitting is slow along the sets, and a step is taken if f + nu sum |c| falls; then g
+/// is 0, which are the least steps to where the linearised sets hold, and one is taken if they are violated less. tau,
+/// Levenberg and Marquardt's, is raised until that is so and no vertex moves far.
 ///
-/// The program is solved by the method of multipliers on one factor of H + tau I + rho J^T J, which takes equations that depend on
-/// each other as they come; an inequality is part of it where it would be violated.
+/// The program is solved by the method of multipliers on one factor of H + tau I + rho J^T J, which takes equations
+/// that depend on each other as they come; an inequality is part of it where it would be violated.
 pub(super) struct Finish {
     problem: Problem,
     constraints: Constraints,
@@ -42,7 +42,8 @@ pub(super) struct Finish {
     iteration: usize,
 }
 
-/// rho over the stiffness of the soft terms: an iteration of multipliers gains so many digits, and a factor has ten left.
+/// rho over the stiffness of the soft terms: an iteration of multipliers gains so many digits, and a factor has ten
+/// left.
 const PENALTY: f64 = 1e6;
 /// Iterations of multipliers a step, at most.
 const MULTIPLIERS: usize = 12;
@@ -247,8 +248,8 @@ impl Method for Finish {
             }
             if rejected > TRIALS {
                 return Err(SystemError::Stalled(format!(
-                    "no step makes the constraints hold better than to {:.1e} of the mean edge: they may contradict each \
-                     other; see `violated` of the report",
+                    "no step makes the constraints hold better than to {:.1e} of the mean edge: they may \
+                     contradict each other; see `violated` of the report",
                     self.violation
                 )));
             }

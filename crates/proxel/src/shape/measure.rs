@@ -27,7 +27,8 @@ pub struct ShapeReport {
     pub planarity_max_absolute: Option<Change>,
     /// The mean in units of the mesh.
     pub planarity_mean_absolute: Option<Change>,
-    /// The largest distance between the diagonals of four corners that follow each other, over the mean length of the two.
+    /// The largest distance between the diagonals of four corners that follow each other, over the mean length of the
+    /// two.
     pub planarity_diagonals_max: Option<Change>,
     /// | |e| - l | / l, A(30): largest.
     pub edge_error_max: Option<Change>,
@@ -41,7 +42,8 @@ pub struct ShapeReport {
     pub reference_distance_mean: Option<Change>,
     /// The shortest edge.
     pub shortest_edge: Option<Change>,
-    /// Faces, or edges and angles, whose hard constraint is violated by more than 1e-9; the worst come first, ten at most.
+    /// Faces, or edges and angles, whose hard constraint is violated by more than 1e-9; the worst come first, ten at
+    /// most.
     pub violated: Vec<Violated>,
 }
 
@@ -96,8 +98,8 @@ pub fn planarity(points: &[V3], faces: &Polygons) -> Vec<f64> {
     faces.iter().map(of).collect()
 }
 
-/// The largest distance between the diagonals (lines) of four corners that follow each other, over the mean of their lengths,
-/// of each face; 0 where they are parallel.
+/// The largest distance between the diagonals (lines) of four corners that follow each other, over the mean of their
+/// lengths, of each face; 0 where they are parallel.
 pub fn diagonals(points: &[V3], faces: &Polygons) -> Vec<f64> {
     let of_four = |c: [u32; 4]| {
         let [a, b, c, d] = c.map(|v| points[v as usize]);

