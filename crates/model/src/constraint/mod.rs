@@ -1,8 +1,7 @@
 //! Geometric constraints: sets that parts of a mesh are to be in, or near to.
 //!
 //! ```text
-//! min over x   1/2 |L (x - x~)|^2 + sum_soft w_i/2 dist(D_i x, C_i)^2   subject to   D_j x in C_j for all hard j     
-//! A(29)
+//! min over x   1/2 |L (x - x~)|^2 + sum_soft w_i/2 dist(D_i x, C_i)^2   subject to   D_j x in C_j, j hard      A(29)
 //! ```
 //!
 //! A [`Set`] knows its nearest points; a [`Reduction`] takes the corners of an element to the rows that the set is of:
