@@ -11,6 +11,8 @@ pub struct Touch {
     pub point: u32,
     /// What it touches; a label that nothing here looks at.
     pub other: u32,
+    /// The patch of that; another such label.
+    pub patch: u32,
     /// The unit normal n, to where the point may be.
     pub normal: [f64; 3],
     /// h
@@ -209,6 +211,7 @@ mod tests {
         let touch = |point, force, grip, height| Touch {
             point,
             other: 0,
+            patch: 0,
             normal: tilted,
             height,
             force,

@@ -1,6 +1,6 @@
 //! A plane with a bowl in it.
 
-use super::{Nearest, Solid, V3, across, add, dot, norm, unit_or};
+use super::{Nearest, Solid, V3, across, add, dot, in_front_of_others, most_in_front, norm, unit_or};
 
 /// The ground below a plane through the origin, without a ball around the origin: a bowl to fall into.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,5 +34,22 @@ impl Solid for Pit {
         let inward = unit_or(x.map(|c| -c), self.normal);
         let bowl = Nearest { point: inward.map(|n| -self.radius * n), normal: inward, distance: self.radius - r };
         if bowl.distance.abs() <= on_plane.distance.abs() { bowl } else { on_plane }
+    }
+
+    /// The plane, the bowl.
+    fn patch(&self, x: V3) -> u32 {
+        most_in_front(self, 2, x)
+    }
+
+    fn on_patch(&self, patch: u32, x: V3) -> Nearest {
+        let (normal, distance) = match patch {
+            0 => (self.normal, dot(self.normal, x)),
+            _ => (unit_or(x.map(|c| -c), self.normal), self.radius - norm(x)),
+        };
+        Nearest { point: add(x, -distance, normal), normal, distance }
+    }
+
+    fn away(&self, patch: u32, x: V3) -> f64 {
+        in_front_of_others(self, 2, patch, x)
     }
 }

@@ -54,4 +54,23 @@ impl Solid for Placed {
         let Nearest { point, normal, distance } = self.solid.nearest(self.placement.undo(x));
         Nearest { point: self.placement.apply(point), normal: self.placement.turn(normal), distance }
     }
+
+    fn patch(&self, x: V3) -> u32 {
+        self.solid.patch(self.placement.undo(x))
+    }
+
+    fn on_patch(&self, patch: u32, x: V3) -> Nearest {
+        let Nearest { point, normal, distance } = self.solid.on_patch(patch, self.placement.undo(x));
+        Nearest { point: self.placement.apply(point), normal: self.placement.turn(normal), distance }
+    }
+
+    fn away(&self, patch: u32, x: V3) -> f64 {
+        self.solid.away(patch, self.placement.undo(x))
+    }
+
+    fn entered(&self, from: V3, to: V3, tolerance: f64, known: &[u32]) -> Option<(u32, V3)> {
+        let (from, to) = (self.placement.undo(from), self.placement.undo(to));
+        let (patch, point) = self.solid.entered(from, to, tolerance, known)?;
+        Some((patch, self.placement.apply(point)))
+    }
 }

@@ -1,6 +1,6 @@
 //! Solids around the origin: sphere, box, capsule, cylinder.
 
-use super::{Nearest, Solid, V3, across, add, dot, norm, unit_or};
+use super::{Nearest, Solid, V3, across, add, dot, in_front_of_others, most_in_front, norm, unit_or};
 
 /// A ball around the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +43,22 @@ impl Solid for Brick {
         let face = (0..3).max_by(|a, b| over[*a].total_cmp(&over[*b])).unwrap_or(0);
         let normal = [0, 1, 2].map(|d| if d == face { sign(d) } else { 0.0 });
         Nearest { point: add(x, -over[face], normal), normal, distance: over[face] }
+    }
+
+    /// 2 d for the face at half_d, 2 d + 1 for the one across.
+    fn patch(&self, x: V3) -> u32 {
+        most_in_front(self, 6, x)
+    }
+
+    fn on_patch(&self, patch: u32, x: V3) -> Nearest {
+        let (d, sign) = ((patch as usize / 2).min(2), if patch.is_multiple_of(2) { 1.0 } else { -1.0 });
+        let normal = [0, 1, 2].map(|c| if c == d { sign } else { 0.0 });
+        let distance = sign * x[d] - self.half[d];
+        Nearest { point: add(x, -distance, normal), normal, distance }
+    }
+
+    fn away(&self, patch: u32, x: V3) -> f64 {
+        in_front_of_others(self, 6, patch, x)
     }
 }
 
@@ -89,5 +105,27 @@ impl Solid for Cylinder {
         }
         let (normal, distance) = if over_side > over_end { (out, over_side) } else { (end, over_end) };
         Nearest { point: add(x, -distance, normal), normal, distance }
+    }
+
+    /// The side, and the ends along the axis and against it.
+    fn patch(&self, x: V3) -> u32 {
+        most_in_front(self, 3, x)
+    }
+
+    fn on_patch(&self, patch: u32, x: V3) -> Nearest {
+        let along = dot(self.axis, x);
+        let (normal, distance) = match patch {
+            0 => {
+                let radial = add(x, -along, self.axis);
+                (unit_or(radial, across(self.axis)), norm(radial) - self.radius)
+            }
+            1 => (self.axis, along - self.half),
+            _ => (self.axis.map(|a| -a), -along - self.half),
+        };
+        Nearest { point: add(x, -distance, normal), normal, distance }
+    }
+
+    fn away(&self, patch: u32, x: V3) -> f64 {
+        in_front_of_others(self, 3, patch, x)
     }
 }

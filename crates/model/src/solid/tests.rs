@@ -83,3 +83,47 @@ fn solids_are_where_they_are_placed() {
     assert!(deepest(&both, [50.2, 0.0, 0.0]).is_some_and(|n| n.distance < -0.7));
     assert!(deepest(&[], [0.0; 3]).is_none());
 }
+
+#[test]
+fn patches_tell_inside_from_outside() {
+    for (solid, inside) in solids() {
+        for x in samples() {
+            let near = solid.nearest(x);
+            if near.distance.abs() < 1e-12 {
+                continue;
+            }
+            let on = solid.on_patch(solid.patch(x), x);
+            assert_eq!(on.distance < 0.0, inside(x), "{solid:?} {x:?} {on:?}");
+            // A patch is a part of its smooth surface, which is no farther.
+            assert!(on.distance.abs() <= near.distance.abs() + 1e-12, "{solid:?} {x:?} {on:?} {near:?}");
+            let back = add(on.point, on.distance, on.normal);
+            assert!(norm(add(back, -1.0, x)) < 1e-12, "{solid:?} {x:?} {on:?}: x = point + distance normal");
+        }
+    }
+}
+
+#[test]
+fn what_is_in_front_of_one_patch_needs_no_other() {
+    let brick = Brick { half: [0.8, 1.2, 0.4] };
+    // Over the edge of two faces, in front of both: neither is needed as long as the other is there.
+    assert!((brick.away(0, [0.8, 1.5, 0.0]) - 0.3).abs() < 1e-15);
+    assert_eq!(brick.away(2, [0.8, 1.5, 0.0]), 0.0);
+    let pit = Pit { normal: [0.0, 1.0, 0.0], radius: 1.25 };
+    assert!((pit.away(0, [0.25, 0.0, 0.0]) - 1.0).abs() < 1e-15 && pit.away(0, [2.0, 0.0, 0.0]) == 0.0);
+}
+
+#[test]
+fn ways_enter_where_they_meet_a_solid_first() {
+    let rod = Placed {
+        solid: Arc::new(Cylinder { axis: [0.0, 0.0, 1.0], radius: 0.1, half: 9.0 }),
+        placement: Placement::at([0.0, 1.0, 0.0]),
+    };
+    // Through the rod and out on the other side: its near side is met.
+    let (patch, at) = rod.entered([0.01, 2.0, 0.0], [0.01, 0.0, 0.0], 1e-9, &[]).unwrap();
+    assert!(patch == 0 && at[1] > 1.09, "{patch} {at:?}");
+    assert!(rod.entered([0.01, 2.0, 0.0], [0.01, 0.0, 0.0], 1e-9, &[0]).is_none(), "known");
+    assert!(rod.entered([0.3, 2.0, 0.0], [0.3, 0.0, 0.0], 1e-9, &[]).is_none(), "passes by");
+    assert!(rod.entered([0.0, 2.0, 0.0], [0.0, 2.0, 0.0], 1e-9, &[]).is_none(), "stays");
+    let end = rod.entered([0.0, 1.0, 12.0], [0.0, 1.0, 0.0], 1e-9, &[]).unwrap();
+    assert!(end.0 == 1 && (end.1[2] - 9.0).abs() < 1e-6, "{end:?}");
+}

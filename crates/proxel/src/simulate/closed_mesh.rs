@@ -1,8 +1,8 @@
 //! Solids bounded by closed meshes of triangles.
 
 use parry3d_f64::math::Vector;
-use parry3d_f64::query::PointQueryWithLocation;
-use parry3d_f64::shape::{TriMesh, TriMeshFlags};
+use parry3d_f64::query::{PointQuery, PointQueryWithLocation, Ray, RayCast};
+use parry3d_f64::shape::{TriMesh, TriMeshFlags, TrianglePointLocation};
 use proxel_model::solid::{Nearest, Solid};
 use std::fmt;
 
@@ -13,12 +13,14 @@ type V3 = [f64; 3];
 pub(super) struct ClosedMesh {
     mesh: TriMesh, // of size 1
     size: f64,
-    triangles: Vec<[V3; 3]>,
+    corners: Vec<[u32; 3]>,
+    normals: Vec<V3>,
+    around: Around,
 }
 
 impl fmt::Debug for ClosedMesh {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "ClosedMesh of {} triangles", self.triangles.len())
+        write!(f, "ClosedMesh of {} triangles", self.corners.len())
     }
 }
 
@@ -49,25 +51,143 @@ impl ClosedMesh {
             triangles.iter().map(|t| if volume < 0.0 { [t[0], t[2], t[1]] } else { *t }).collect();
         let vertices = unit.iter().map(|p| Vector::new(p[0], p[1], p[2])).collect();
         let mesh = TriMesh::with_flags(vertices, turned.clone(), TriMeshFlags::ORIENTED).map_err(|e| e.to_string())?;
-        Ok(ClosedMesh { mesh, size, triangles: turned.iter().map(corners).collect() })
+        let normals = turned.iter().map(|t| normal(&corners(t))).collect();
+        Ok(ClosedMesh { mesh, size, normals, around: Around::new(points.len(), &turned), corners: turned })
+    }
+
+    /// A point in units of the size.
+    fn scaled(&self, x: V3) -> Vector {
+        Vector::new(x[0] / self.size, x[1] / self.size, x[2] / self.size)
+    }
+
+    fn normal(&self, triangle: u32) -> V3 {
+        self.normals.get(triangle as usize).copied().unwrap_or([0.0, 1.0, 0.0])
+    }
+
+    /// How far a point is in front of the plane of a triangle, both in units of the size.
+    fn in_front(&self, triangle: u32, p: Vector) -> f64 {
+        let a = self.mesh.triangle(triangle).a;
+        dot(self.normal(triangle), [p.x - a.x, p.y - a.y, p.z - a.z])
+    }
+
+    /// Where a way from p ends inside, at q, without an entrance that rounding shows: of the unknown triangles around the
+    /// nearest point that q is behind the one that p is farthest in front of.
+    fn behind(&self, p: Vector, q: Vector, tolerance: f64, known: &[u32]) -> Option<u32> {
+        let (projected, (triangle, location)) = self.mesh.project_local_point_and_get_location(q, false);
+        if !projected.is_inside || (projected.point - q).length() <= tolerance {
+            return None;
+        }
+        let fits = |t: &u32| !known.contains(t) && self.in_front(*t, q) < 0.0;
+        self.meeting(triangle, location)
+            .into_iter()
+            .filter(fits)
+            .max_by(|a, b| self.in_front(*a, p).total_cmp(&self.in_front(*b, p)))
+    }
+
+    /// The triangles that meet where a point of the surface is.
+    fn meeting(&self, triangle: u32, location: TrianglePointLocation) -> Vec<u32> {
+        let Some(corners) = self.corners.get(triangle as usize) else { return Vec::new() };
+        match location {
+            TrianglePointLocation::OnVertex(k) => self.around.of(corners[k.min(2) as usize]).to_vec(),
+            TrianglePointLocation::OnEdge(k, _) => {
+                let (a, b) = match k {
+                    0 => (corners[0], corners[1]),
+                    1 => (corners[1], corners[2]),
+                    _ => (corners[0], corners[2]),
+                };
+                let other = self.around.of(b);
+                self.around.of(a).iter().copied().filter(|t| other.contains(t)).collect()
+            }
+            _ => vec![triangle],
+        }
+    }
+}
+
+/// The triangles around each vertex.
+struct Around {
+    ends: Vec<u32>, // of each vertex's part of the list
+    triangles: Vec<u32>,
+}
+
+impl Around {
+    fn new(n: usize, triangles: &[[u32; 3]]) -> Self {
+        let mut pairs: Vec<(u32, u32)> = triangles.iter().zip(0u32..).flat_map(|(t, k)| t.map(|v| (v, k))).collect();
+        pairs.sort_unstable();
+        let ends = (0..n as u32).map(|v| pairs.partition_point(|p| p.0 <= v) as u32).collect();
+        Around { ends, triangles: pairs.into_iter().map(|p| p.1).collect() }
+    }
+
+    fn of(&self, vertex: u32) -> &[u32] {
+        let end = |v: u32| self.ends.get(v as usize).map_or(0, |e| *e as usize);
+        let from = if vertex == 0 { 0 } else { end(vertex - 1) };
+        self.triangles.get(from..end(vertex)).unwrap_or(&[])
     }
 }
 
 impl Solid for ClosedMesh {
     fn nearest(&self, x: V3) -> Nearest {
-        let p = x.map(|v| v / self.size);
-        let (projected, (triangle, _)) =
-            self.mesh.project_local_point_and_get_location(Vector::new(p[0], p[1], p[2]), false);
+        let p = self.scaled(x);
+        let (projected, (triangle, _)) = self.mesh.project_local_point_and_get_location(p, false);
         let point = [projected.point.x, projected.point.y, projected.point.z];
-        let from = [0, 1, 2].map(|d| p[d] - point[d]);
+        let from = [p.x - point[0], p.y - point[1], p.z - point[2]];
         let length = norm(from);
         let sign = if projected.is_inside { -1.0 } else { 1.0 };
-        let normal = if length > ON_SURFACE {
-            from.map(|v| sign * v / length)
-        } else {
-            self.triangles.get(triangle as usize).map_or([0.0, 1.0, 0.0], normal)
-        };
+        let normal = if length > ON_SURFACE { from.map(|v| sign * v / length) } else { self.normal(triangle) };
         Nearest { point: point.map(|v| v * self.size), normal, distance: sign * length * self.size }
+    }
+
+    /// A triangle.
+    fn patch(&self, x: V3) -> u32 {
+        let p = self.scaled(x);
+        let (projected, (triangle, location)) = self.mesh.project_local_point_and_get_location(p, false);
+        let mut best = None;
+        for t in self.meeting(triangle, location) {
+            let distance = self.in_front(t, p);
+            // Behind a surface that is hollow there x may be in front of one of the planes.
+            let fits = !projected.is_inside || distance < 0.0;
+            if fits && best.is_none_or(|(_, most)| distance > most) {
+                best = Some((t, distance));
+            }
+        }
+        best.map_or(triangle, |(t, _)| t)
+    }
+
+    fn on_patch(&self, patch: u32, x: V3) -> Nearest {
+        if patch as usize >= self.corners.len() {
+            return self.nearest(x);
+        }
+        let (normal, distance) = (self.normal(patch), self.in_front(patch, self.scaled(x)) * self.size);
+        Nearest { point: [0, 1, 2].map(|d| x[d] - distance * normal[d]), normal, distance }
+    }
+
+    fn away(&self, patch: u32, x: V3) -> f64 {
+        if patch as usize >= self.corners.len() {
+            return f64::INFINITY;
+        }
+        let p = self.scaled(x);
+        let (n, distance) = (self.normal(patch), self.in_front(patch, p));
+        // How deep a point is behind a triangle does not make it farther from it.
+        let deep = distance.min(0.0);
+        let foot = p - Vector::new(n[0], n[1], n[2]) * deep;
+        self.mesh.triangle(patch).distance_to_local_point(foot, true) * self.size
+    }
+
+    /// Planes of triangles are known to have no more than what is behind them; a triangle that the way ends in front of is no
+    /// entrance.
+    fn entered(&self, from: V3, to: V3, tolerance: f64, known: &[u32]) -> Option<(u32, V3)> {
+        let (p, q, tolerance) = (self.scaled(from), self.scaled(to), tolerance / self.size);
+        // From a little before: a point that lies on a face begins in front of it or behind by rounding.
+        let back = 2.0 * tolerance / (q - p).length().max(tolerance);
+        let ray = Ray::new(p - (q - p) * back, q - p);
+        let enters = |t: u32, most: f64| {
+            let inward = !known.contains(&t) && self.in_front(t, p) >= -tolerance && self.in_front(t, q) < -tolerance;
+            if inward { self.mesh.triangle(t).cast_local_ray(&ray, most, false) } else { None }
+        };
+        let Some((triangle, time)) = self.mesh.bvh().cast_ray(&ray, 1.0 + back, enters) else {
+            return self.behind(p, q, tolerance, known).map(|t| (t, to));
+        };
+        let at = ray.point_at(time);
+        Some((triangle, [at.x, at.y, at.z].map(|v| v * self.size)))
     }
 }
 
@@ -97,6 +217,10 @@ fn normal([a, b, c]: &[V3; 3]) -> V3 {
 
 fn cross(a: V3, b: V3) -> V3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: V3, b: V3) -> f64 {
+    (0..3).map(|d| a[d] * b[d]).sum()
 }
 
 fn norm(a: V3) -> f64 {
@@ -169,6 +293,28 @@ mod tests {
         }
         let on = mesh.nearest([10.0, 100.0, 3.0]);
         assert!(on.distance.abs() < 1e-10 && on.normal == [0.0, 1.0, 0.0], "{on:?}");
+    }
+
+    #[test]
+    fn triangles_are_patches() {
+        let half = [300.0, 100.0, 50.0];
+        let (points, triangles) = brick(half);
+        let (mesh, exact) = (ClosedMesh::new(&points, &triangles).unwrap(), Brick { half });
+        let steps = [-390.0, -220.0, -99.0, -20.0, 10.0, 77.0, 120.0, 350.0];
+        for x in steps.into_iter().flat_map(|x| steps.map(|y| [x, y])).flat_map(|[x, y]| steps.map(|z| [x, y, z])) {
+            // The face of a box that a point is farthest in front of, at its corners too.
+            let (a, b) = (mesh.on_patch(mesh.patch(x), x), exact.on_patch(exact.patch(x), x));
+            assert!((a.distance - b.distance).abs() < 1e-10, "{x:?} {a:?} {b:?}");
+        }
+        let top = mesh.patch([10.0, 120.0, 3.0]);
+        assert!((mesh.away(top, [10.0, 120.0, 3.0]) - 20.0).abs() < 1e-9 && mesh.away(99, [0.0; 3]).is_infinite());
+        // Of a way through the box the near side is met, unless that is known; out of it there is no entrance.
+        let (from, to) = ([10.0, 500.0, 3.0], [10.0, -500.0, 3.0]);
+        let (patch, at) = mesh.entered(from, to, 1e-6, &[]).unwrap();
+        assert!(patch == top && (at[1] - 100.0).abs() < 1e-9, "{patch} {at:?}");
+        assert!(mesh.entered(from, to, 1e-6, &[top]).is_none());
+        assert!(mesh.entered([10.0, 0.0, 3.0], to, 1e-6, &[]).is_none());
+        assert!(mesh.entered(from, [10.0, 100.0, 3.0], 1e-6, &[]).is_none(), "the way ends on the surface");
     }
 
     #[test]

@@ -4,16 +4,21 @@ use super::{Engine, How, Solved, Task};
 use crate::deform::{REFUSALS, admm_settings};
 use crate::settings::MethodName;
 use crate::simulate::SimulateError;
-use crate::simulate::contact::learn;
+use crate::simulate::contact::{WorkingSet, is_complementary, learn};
 use crate::simulate::stops::{Bound, Stops};
 use crate::simulate::world::World;
+use proxel_model::contact::Contacts;
 use proxel_split::{
     Admm, Auto, Hessian, LinearSolver, Newton, NewtonSettings, NoProgress, NormalMatrix, Outcome, Parts, Price,
     Problem, Status, VIOLATION, solver_for,
 };
 
 /// Renewals of planes and forces in a step.
-const RENEWALS: usize = 60;
+const RENEWALS: usize = 200;
+/// A set of planes is looked through for those that are not touched once this part of the gradient is left;
+const SETTLED: f64 = 0.1;
+/// after so many changes only once it is solved.
+const LOOSE: usize = 2;
 /// With hard limits, whose multipliers need more of them.
 const RENEWALS_OF_LIMITS: usize = 400;
 /// Limits are held more stiffly by this factor where a renewal has left more than `LAGGING` of how far their multipliers were
@@ -25,6 +30,13 @@ const STIFFEST: f64 = 1e4;
 const PATIENCE: usize = 4;
 /// Part of the gradient that is left when planes and forces are renewed.
 const INNER: f64 = 0.05;
+
+/// A place with all points outside of obstacles, and what is known there.
+struct Best {
+    gradient: f64,
+    x: Vec<f64>,
+    contacts: Contacts,
+}
 
 impl Engine {
     /// Newton's method on an augmented Lagrangian of contact and of hard limits: planes, forces and stresses are renewed
@@ -38,10 +50,9 @@ impl Engine {
     ) -> Result<Solved, SimulateError> {
         let mut whole = task.x.to_vec();
         whole[..task.target.len()].copy_from_slice(task.target);
-        let touches = match world.obstacles.is_empty() {
-            true => Vec::new(),
-            false => task.walls.meet(world, task.x, &whole, task.known),
-        };
+        let walled = !world.obstacles.is_empty();
+        let mut working = WorkingSet::new(world, task.walls, task.x);
+        let touches = if walled { working.first(world, task.walls, &whole, task.known) } else { Vec::new() };
         let is_met = !touches.is_empty();
         self.set_contacts(touches);
         if let Some(strain) = &self.strain {
@@ -52,6 +63,7 @@ impl Engine {
         let mut x = self.begin(task, is_met);
         let (mut iterations, mut rejected, mut rescued, mut stuck) = (0, 0, false, 0);
         let (mut status, mut reason) = (Status::Stopped, String::new());
+        let (mut most, mut changes, mut best): (f64, usize, Option<Best>) = (0.0, 0, None);
         let renewals = if self.strain.is_some() { RENEWALS_OF_LIMITS } else { RENEWALS };
         for renewal in 0..renewals {
             let left = self.settings.max_iters.saturating_sub(iterations);
@@ -74,11 +86,26 @@ impl Engine {
             if matches!(status, Status::Cancelled | Status::Failed) || stops.is_over() {
                 break;
             }
-            if !world.obstacles.is_empty() {
-                let touches = task.walls.renew(world, &self.contacts, &x, task.x);
-                self.set_contacts(touches);
+            let mut is_outside = true;
+            if walled {
+                let renewed = working.renew(world, task.walls, &self.contacts, &x);
+                self.set_contacts(renewed.touches);
+                is_outside = renewed.changed == 0 && renewed.depth <= VIOLATION;
             }
-            let gradient = self.gradient(&x);
+            let mut gradient = self.gradient(&x);
+            most = gradient.max(most);
+            let is_solved = gradient <= bound || (gradient <= SETTLED * most && changes < LOOSE);
+            if walled && is_outside && is_solved {
+                let accepted = working.accept(world, task.walls, &self.contacts, &x);
+                self.set_contacts(accepted.touches);
+                changes += usize::from(accepted.changed > 0);
+                gradient = self.gradient(&x);
+                most = gradient;
+                is_outside = is_complementary(world, task.walls, &self.contacts, &x);
+                if best.as_ref().is_none_or(|best| gradient <= best.gradient) {
+                    best = Some(Best { gradient, x: x.clone(), contacts: self.contacts.clone() });
+                }
+            }
             let inverted = self.forbidden(&x) > 0;
             let renewed = self.strain.as_ref().map(|strain| strain.renewed(&x));
             let off = renewed.as_ref().map_or(0.0, |(_, off)| *off);
@@ -87,7 +114,7 @@ impl Engine {
                 stresses = strain.multipliers();
             }
             let held = settled && self.strain_violation(&x) <= VIOLATION;
-            if gradient <= bound && !inverted && held {
+            if gradient <= bound && !inverted && held && is_outside {
                 status = Status::Converged;
                 reason = format!("gradient {gradient:e} is at most {bound:e}, forces of contact included");
                 break;
@@ -118,6 +145,11 @@ impl Engine {
             }
             (status, reason) =
                 (Status::Stopped, format!("forces of contact and of limits did not settle in {} rounds", renewal + 1));
+        }
+        if let Some(best) = best.filter(|_| status != Status::Converged && self.strain.is_none()) {
+            // Outside of all obstacles, which what came after need not be.
+            x = best.x;
+            self.set_contacts(best.contacts.touches().to_vec());
         }
         let known = learn(&self.contacts, &x);
         Ok(Solved {
