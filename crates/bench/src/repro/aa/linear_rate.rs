@@ -1,6 +1,7 @@
 //! The proven linear rates, Theorems 3.3 to 3.6 of A, checked on a bar small enough for all constants.
 
 use super::constants::{Bar, Constants};
+use super::safe;
 use crate::BenchError;
 use crate::plot::{Axis, Line, Panel};
 use crate::repro::context::Context;
@@ -15,20 +16,24 @@ const ROUNDING: f64 = 1e-12;
 const SHOWN: f64 = 1e-11;
 
 /// A run of one order from the start that its theorem asks for.
-struct Run {
+pub(super) struct Run {
     /// |B (z^{k+1} - z^k)|, or |v^{k+1} - v^k| of the z-x-u iteration, in units of the weights at mu = 1.
-    changes: Vec<f64>,
+    pub changes: Vec<f64>,
     /// What the augmented Lagrangian fell by over what is promised, step by step: by A(59), and in the z-x-u iteration by the
     /// proof of Theorem 3.6.
-    descents: Vec<f64>,
+    pub descents: Vec<f64>,
     /// |B z| at the start, in the same units.
     size: f64,
 }
 
 impl Run {
-    fn ratios(&self) -> impl Iterator<Item = f64> + '_ {
-        let above = self.changes.iter().take_while(|c| **c > ROUNDING * self.size).count();
-        self.changes[..above].windows(2).map(|pair| pair[1] / pair[0])
+    /// How many changes are more than rounding.
+    fn above(&self) -> usize {
+        self.changes.iter().take_while(|c| **c > ROUNDING * self.size).count()
+    }
+
+    pub fn ratios(&self) -> impl Iterator<Item = f64> + '_ {
+        self.changes[..self.above()].windows(2).map(|pair| pair[1] / pair[0])
     }
 
     fn worst(&self) -> f64 {
@@ -54,7 +59,9 @@ fn weighted(problem: &Problem, v: &[Vec<f64>]) -> f64 {
     sum
 }
 
-fn xzu(bar: &Bar, constants: &Constants, mu: f64, steps: usize) -> Result<Run, BenchError> {
+/// The x-z-u iteration at penalty mu; the augmented Lagrangian is to fall by `promised` times |W (z^{k+1} - z^k)|^2, W having
+/// mu in it.
+pub(super) fn xzu(bar: &Bar, promised: f64, mu: f64, steps: usize) -> Result<Run, BenchError> {
     let mut problem = bar.problem(mu)?;
     let mut normal = NormalMatrix::new(&problem).map_err(BenchError::from_display)?;
     let mut x = problem.x0.clone();
@@ -75,8 +82,6 @@ fn xzu(bar: &Bar, constants: &Constants, mu: f64, steps: usize) -> Result<Run, B
         problem.penalty(x, p, grad).value + g - 0.5 * weighted(problem, u)
     };
     let mut before = lagrangian(&mut problem, &x, &p, &u, g, &mut grad);
-    let l = constants.lipschitz_xzu;
-    let promised = 0.5 - (l / mu).powi(2) - 0.5 * l / mu; // of |W (z^{k+1} - z^k)|^2, W having mu in it
     for _ in 0..steps {
         problem.penalty(&x, &p, &mut grad);
         normal.solve(&mut grad).map_err(BenchError::from_display)?;
@@ -174,7 +179,10 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         for factor in [1.05, 2.0, 8.0] {
             let mu = factor * least;
             let (gamma, l, run) = match order {
-                Order::Xzu => (constants.gamma_3(mu), constants.lipschitz_xzu, xzu(&bar, &constants, mu, steps)?),
+                Order::Xzu => {
+                    let l = constants.lipschitz_xzu;
+                    (constants.gamma_3(mu), l, xzu(&bar, 0.5 - (l / mu).powi(2) - 0.5 * l / mu, mu, steps)?)
+                }
                 Order::Zxu => (constants.gamma_4(mu), constants.lipschitz_zxu, zxu(&bar, &constants, mu, steps)?),
             };
             let name = format!("{} mu={mu:.3e}", order.as_str());
@@ -244,6 +252,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         "## Rates\n\nEvery ratio of successive changes, |B (z^(k+1) - z^k)| of the x-z-u and |v^(k+1) - v^k| of the z-x-u iteration, \
          until they are {ROUNDING:e} of z, which is rounding.\n\n{table}\n## Descent, Theorems 3.5 and 3.6\n\n{descent}"
     );
+    safe::descend(context, &bar, 5 * steps)?;
     let panel = |title: &str, order: Order| {
         let lines: Vec<Line> = lines.iter().filter(|(of, _)| *of == order).map(|(_, line)| line.clone()).collect();
         let most = lines.iter().flat_map(|line| &line.points).map(|p| p.0).fold(0.0, f64::max);
