@@ -6,7 +6,7 @@ use crate::BenchError;
 use crate::bars;
 use crate::motion::{self, Moving};
 use proxel::simulate::{BodyState, FrameRecord, Hooks, SceneFile, Simulation};
-use proxel::split::{Method, NormalMatrix, Order, Price, Problem, normalized};
+use proxel::split::{Method, NormalMatrix, Order, Price, Problem, normalized, vector};
 use std::path::{Path, PathBuf};
 
 /// What is to be solved: bars, or a body among obstacles or within limits.
@@ -121,7 +121,7 @@ impl Contest {
         Ok(Auto { seconds: record.seconds, record, forward, x })
     }
 
-    /// Whether all methods end in the same minimum.
+    /// Whether there are no sets, and all methods end in the same minimum.
     pub fn has_one_minimum(&self) -> bool {
         matches!(self.what, What::Bars(_))
     }
@@ -167,14 +167,21 @@ impl Contest {
         }
     }
 
-    /// Plain ADMM for so many iterations, with positions after some of them.
+    /// Plain ADMM for so many iterations, with positions after some of them. Where there are no sets the points of the course
+    /// have the norm of the objective's gradient in the place of the position error.
     pub fn by_admm(&self, most: usize, at: &[usize]) -> Result<(Course, Vec<Vec<f64>>), BenchError> {
         let (mut method, order) = self.plain()?;
         let (mut iteration, mut kept) = (0, vec![Vec::new(); at.len()]);
+        let (mut problem, smooth) = (self.problem()?, self.has_one_minimum());
+        let mut grad = vec![0.0; 3 * problem.n_free];
         let mut watch = |x: &[f64]| {
             iteration += 1;
             at.iter().zip(&mut kept).filter(|(k, _)| **k == iteration).for_each(|(_, kept)| *kept = x.to_vec());
-            (f64::INFINITY, 0.0)
+            if !smooth {
+                return (f64::INFINITY, 0.0);
+            }
+            problem.energy(x, Some(&mut grad));
+            (vector::norm(&grad), 0.0)
         };
         let course = Course::watched("", "admm", &mut *method, order, self.a, (most, 0.0), &mut watch)?;
         Ok((course, kept))
