@@ -63,16 +63,18 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
 type Finder = fn() -> Result<motion::Find, BenchError>;
 
 const WHAT: &str = "`auto` solves the step at each tolerance; its time is that of the whole frame, the least of the repeats, \
-    matrices that steps have in common being there. Plain ADMM is the paper's, w^2 = k V, and gets as many iterations as fit \
-    into that time, an iteration taking the median of all. Residuals are forward residuals normalised by A(27): of plain ADMM \
-    A(22) or A(24) of the last iteration; of `auto` that of the plain iteration entered at its end, z = Dx and u from the \
-    forces of elements and of contact there, |W D A^-1 grad|. Forces of limits are not told apart: the residual of `auto` on \
-    the flag is a bound, |grad|/2 over the root of the least m/dt^2. Gradient: its norm over free vertices, forces of contact and \
-    of limits included, by which `simulate` ends a step; of plain ADMM that of the objective at its positions, where there are \
-    no sets, and the seconds after which it is first at what `auto` had to be below. Error: the largest distance of a vertex from the end of \
-    `auto` at 1e-11 in mean edges; among obstacles a step has many minima, and an error that stays may tell of another one. J: f + sum g at the positions, sets aside, \
-    in joules. Violation: of limits, or depth in an obstacle in metres. Counted: what `auto` costs as `split::Price` counts \
-    it, in plain iterations, and plain ADMM's residual after as many.";
+    matrices that steps have in common being there. Plain ADMM is the paper's, w^2 = k V, and gets as many \
+    iterations as fit into that time, an iteration taking the median of all. Residuals are forward residuals \
+    normalised by A(27): of plain ADMM A(22) or A(24) of the last iteration; of `auto` that of the plain iteration \
+    entered at its end, z = Dx and u from the forces of elements and of contact there, |W D A^-1 grad|. Forces of \
+    limits are not told apart: the residual of `auto` on the flag is a bound, |grad|/2 over the root of the least \
+    m/dt^2. Gradient: its norm over free vertices, forces of contact and of limits included, by which `simulate` \
+    ends a step; of plain ADMM that of the objective at its positions, where there are no sets, and the seconds \
+    after which it is first at what `auto` had to be below. Error: the largest distance of a vertex from the end \
+    of `auto` at 1e-11 in mean edges; among obstacles a step has many minima, and an error that stays may tell of \
+    another one. J: f + sum g at the positions, sets aside, in joules. Violation: of limits, or depth in an \
+    obstacle in metres. Counted: what `auto` costs as `split::Price` counts it, in plain iterations, and plain \
+    ADMM's residual after as many.";
 
 struct Rows {
     table: Table,
