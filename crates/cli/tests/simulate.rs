@@ -107,10 +107,13 @@ fn free_fall_is_exact_and_the_drift_of_angular_momentum_is_of_first_order() {
         let time = format!("dt = {}\nframes = {frames}\nintegrator = \"{integrator}\"", 0.4 / frames as f64);
         folder.put("s.toml", &scene(&time, SOFT, spun, NO_GRAVITY));
         assert_eq!(go(&folder, "simulate s.toml --out d --quiet").code, 0);
-        report(&folder, "d")["angular_momentum_drift"].as_f64().unwrap()
+        let report = report(&folder, "d");
+        assert!(report["momentum_drift"].as_f64().unwrap() < 1e-12, "it turns on the spot: {report}");
+        report["angular_momentum_drift"].as_f64().unwrap()
     };
-    let (coarse, fine) = (drift(10, "implicit-euler"), drift(20, "implicit-euler"));
+    let [coarse, fine, finest] = [10, 20, 40].map(|frames| drift(frames, "implicit-euler"));
     assert!(coarse < 0.1 && fine < 0.65 * coarse && fine > 0.35 * coarse, "halved with dt: {coarse} {fine}");
+    assert!(finest < 0.6 * fine && finest > 0.4 * fine, "and again: {fine} {finest}");
     let second = drift(20, "bdf2");
     assert!(second < 0.5 * fine, "of second order, but for its first step: {second} {fine}");
 
