@@ -15,8 +15,9 @@ const ROUNDING: f64 = 1e-12;
 /// Part of that at which a run ends.
 const OVER: f64 = 0.1;
 
-/// Steps that the slowest run takes to get there, and more.
-const MOST: usize = 40_000;
+/// Steps of a run at most. The slowest are then far from rounding, which near it would be more than what a ratio is below its
+/// bound.
+const MOST: usize = 400;
 
 /// Points of a curve, and marks.
 const DRAWN: usize = 800;

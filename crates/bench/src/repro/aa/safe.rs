@@ -12,8 +12,8 @@ use std::fmt::Write as _;
 const STEPS: [f64; 4] = [1.0, 4.0, 16.0, 64.0];
 /// Changes down to this part of the first one are looked at: the Lagrangian's last descents are differences of equal numbers.
 const SOUND: f64 = 1e-5;
-/// Steps at the end of those that tell what is still to come.
-const TAIL: usize = 20;
+/// Part of the steps, from the end, that tells what is still to come.
+const TAIL: usize = 2;
 
 /// Runs the iteration with the penalty that [`SafePenalty`] gives and writes what it did.
 ///
@@ -48,7 +48,8 @@ pub(super) fn descend(context: &mut Context<'_>, bar: &Bar, most: usize) -> Resu
             )));
         }
         // What the last changes' mean ratio makes of those that follow: a geometric series.
-        let ratio = (run.changes[sound - 1] / run.changes[sound - 1 - TAIL]).powf(1.0 / TAIL as f64);
+        let tail = sound / TAIL;
+        let ratio = (run.changes[sound - 1] / run.changes[sound - 1 - tail]).powf(1.0 / tail as f64);
         if ratio.is_nan() || ratio >= 1.0 {
             return Err(BenchError(format!("dt = {:e}: steps no longer fall, by {ratio} each", bar.dt())));
         }
@@ -72,7 +73,7 @@ pub(super) fn descend(context: &mut Context<'_>, bar: &Bar, most: usize) -> Resu
         "## Descent under a safe penalty\n\nTheorem 3.5 asks nothing of rho(K), so that the time step may be as long as it likes. mu is \
          that of `--penalty safe`, the bound 1/(2 L) that of Theorem 3.3, which only the first of these steps keeps. Steps are \
          |B (z^(k+1) - z^k)| until they are {SOUND:e} of the first one or the run ends; what is still to come is the geometric \
-         series of the last {TAIL}.\n\n{table}"
+         series of the last half.\n\n{table}"
     );
     Ok(())
 }
