@@ -3,9 +3,7 @@
 use super::contest::Contest;
 use super::course::{Course, Residual};
 use crate::bars::Scene;
-use proxel::simulate::{Hooks, SceneFile, Simulation};
 use proxel::split::{Acceleration, Algorithm};
-use std::path::PathBuf;
 
 /// Levels of the forward residual, and iterations to them: plain, and Algorithm 3 with m = 6.
 const COUNTS: [(f64, usize, usize); 5] =
@@ -59,29 +57,5 @@ fn counts_are_those_published() {
         let of = |course: &Course| course.reached(Residual::Forward, level).expect("reached").iteration;
         assert!(of(&plain).abs_diff(slow) <= 1, "{level:e}: {} plain iterations", of(&plain));
         assert!(of(&three).abs_diff(fast) <= 1, "{level:e}: {} of Algorithm 3", of(&three));
-    }
-}
-
-/// `proxel simulate scenes/aa-figure2-soft.toml` solves the step of the reproduction, iteration by iteration.
-#[test]
-fn simulate_counts_the_same() {
-    let text = include_str!("../../../../../scenes/aa-figure2-soft.toml");
-    let forward = |method: &str, iterations: usize| {
-        // The cycle that makes the first z and u is an iteration of `simulate`.
-        let solver = format!("{method}\nmax_iters = {}\ntol = 1e-14", iterations + 1);
-        let text = text.replace("method = \"auto\"", &solver);
-        let file = SceneFile::parse("s.toml".into(), text, false, PathBuf::new()).expect("a scene");
-        let mut simulation = Simulation::new(&file, Some(1)).expect("a simulation");
-        let record = simulation.advance(&mut Hooks::default()).expect("a frame");
-        assert_eq!(record.iterations, iterations + 1, "{}", record.reason);
-        record.forward.expect("a residual")
-    };
-    let plain = Contest::of_bars(true, 1, 0).expect("bars").by_admm(120, &[]).expect("ADMM").0;
-    let three = course(Algorithm::Three, 60, 1e-8);
-    for (method, course) in [("method = \"admm\"", &plain), ("method = \"aa-admm\"\nalgorithm = \"three\"", &three)] {
-        for point in course.points.iter().filter(|p| [1, 13, 24, 37].contains(&p.iteration)) {
-            let own = forward(method, point.iteration);
-            assert!((own - point.forward).abs() < 1e-6 * point.forward, "{method}: {own:e} {:e}", point.forward);
-        }
     }
 }
