@@ -171,6 +171,16 @@ impl Scene {
         Ok(())
     }
 
+    /// Positions of all vertices, ends where the frame before has left them.
+    pub fn positions(&self) -> Vec<[f64; 3]> {
+        self.x.as_chunks::<3>().0.to_vec()
+    }
+
+    /// Velocities of all vertices.
+    pub fn velocities(&self) -> Vec<[f64; 3]> {
+        self.v.as_chunks::<3>().0.to_vec()
+    }
+
     /// The frame that comes next.
     pub fn frame(&self) -> usize {
         self.frame

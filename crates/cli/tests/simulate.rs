@@ -107,10 +107,13 @@ fn free_fall_is_exact_and_the_drift_of_angular_momentum_is_of_first_order() {
         let time = format!("dt = {}\nframes = {frames}\nintegrator = \"{integrator}\"", 0.4 / frames as f64);
         folder.put("s.toml", &scene(&time, SOFT, spun, NO_GRAVITY));
         assert_eq!(go(&folder, "simulate s.toml --out d --quiet").code, 0);
-        report(&folder, "d")["angular_momentum_drift"].as_f64().unwrap()
+        let report = report(&folder, "d");
+        assert!(report["momentum_drift"].as_f64().unwrap() < 1e-12, "it turns on the spot: {report}");
+        report["angular_momentum_drift"].as_f64().unwrap()
     };
-    let (coarse, fine) = (drift(10, "implicit-euler"), drift(20, "implicit-euler"));
+    let [coarse, fine, finest] = [10, 20, 40].map(|frames| drift(frames, "implicit-euler"));
     assert!(coarse < 0.1 && fine < 0.65 * coarse && fine > 0.35 * coarse, "halved with dt: {coarse} {fine}");
+    assert!(finest < 0.6 * fine && finest > 0.4 * fine, "and again: {fine} {finest}");
     let second = drift(20, "bdf2");
     assert!(second < 0.5 * fine, "of second order, but for its first step: {second} {fine}");
 
@@ -479,6 +482,13 @@ fn bad_scenes_are_refused_by_name_and_leave_nothing() {
             "obstacle[0].friction:",
         ),
         ("not toml".into(), "s.toml: line 1:"),
+        (
+            good.replace("dt = 0.1", "dt = \"fast\""),
+            "line 2: invalid type: string \"fast\", expected a number; give a number",
+        ),
+        (good.replace("frames = 1", "frames = -1"), "line 3: invalid value: integer `-1`, expected a whole number"),
+        (good.replace("[[body]]", "[body]"), "double brackets, [[..]]"),
+        (String::new(), "s.toml: body: there is none; add a section [[body]]"),
     ];
     for (text, message) in cases {
         folder.put("s.toml", &text);
@@ -487,6 +497,36 @@ fn bad_scenes_are_refused_by_name_and_leave_nothing() {
         assert!(run.stderr.contains(message), "{}\n should have said\n{message}", run.stderr);
         assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
         assert!(!folder.has("d"), "nothing is half written");
+    }
+    // The same faults in JSON.
+    let lines = |time: &str, body: &str, rest: &str| {
+        format!("{{\n\"time\": {{{time}}},\n\"body\": [{{\"name\": \"b\",\n{body}}}]{rest}\n}}")
+    };
+    let (time, ball) = ("\"frames\": 1", "\"generate\": {\"ball\": {\"radius\": 0.5, \"cell\": 0.25}}");
+    let around =
+        ",\n\"obstacle\": [{\"name\": \"o\", \"shape\": {\"sphere\": {\"center\": [0, 0, 0], \"radius\": 1}}}]";
+    for (text, message) in [
+        (lines(time, &format!("{ball}, \"densty\": 1"), ""), "line 4: unknown key `densty`; did you mean `density`?"),
+        (lines(time, &format!("{ball},\n\"density\": -1"), ""), "line 5: body[0].density: it is -1"),
+        (lines("\"dt\": 0", ball, ""), "line 2: time.dt: it is 0"),
+        (lines("\"dt\": true", ball, ""), "line 2: invalid type: boolean `true`, expected a number; give a number"),
+        (lines(time, "\"mesh\": \"missing.obj\"", ""), "line 4: body[0].mesh: missing.obj: no such file"),
+        (
+            lines(time, "\"mesh\": \"loose.obj\", \"model\": \"shell\"", ""),
+            "line 3: body[0]: vertex 3 (0-based) has no mass",
+        ),
+        (
+            lines(time, &format!("{ball}, \"velocity\": [0, NaN, 0]"), ""),
+            "line 4: expected value; give a value; JSON has no NaN",
+        ),
+        (lines(time, ball, around), "(0-based) of `b` starts"),
+        (String::new(), "line 1: EOF while parsing a value; the file ends too early"),
+    ] {
+        folder.put("s.json", &text);
+        let run = go(&folder, "simulate s.json --out d");
+        assert_eq!(run.code, 2, "{text}\n{}", run.stderr);
+        assert!(run.stderr.contains(message), "{}\n should have said\n{message}", run.stderr);
+        assert!(run.stderr.lines().count() == 1 && !folder.has("d"), "{}", run.stderr);
     }
     let json = r#"{"time": {"dt": 0.1, "frames": 1}, "body": [{"name": "b", "generate": {"ball": {"radius": 0.5, "cell": 0.25}}}]}"#;
     folder.put("s.json", json);

@@ -114,6 +114,25 @@ fn a_break_changes_no_bit_whatever_the_method() {
     }
 }
 
+/// Stresses that hold limits go from step to step, in the state and nowhere else.
+#[test]
+fn a_break_changes_no_bit_under_hard_limits() {
+    let file = scene("method = \"auto\"", "dt = 0.03333333333333333\nframes = 4", SHEET, "");
+    let (_, whole) = run(&file);
+    let mut first = Simulation::new(&file, Some(1)).unwrap();
+    (0..2).for_each(|_| drop(first.advance(&mut Hooks::default()).unwrap()));
+    let state = State::from_bytes(&first.state().to_bytes()).unwrap();
+    let mut second = Simulation::new(&file, Some(1)).unwrap();
+    second.resume(state.clone()).unwrap();
+    let records = [0, 1].map(|_| second.advance(&mut Hooks::default()).unwrap());
+    assert_eq!(second.state().to_bytes(), whole.to_bytes());
+    // The same engine, put back: what convergence asks of the gradient is the same too.
+    second.resume(state).unwrap();
+    let again = [0, 1].map(|_| second.advance(&mut Hooks::default()).unwrap());
+    assert_eq!(records.map(|r| (r.iterations, r.gradient_bound)), again.map(|r| (r.iterations, r.gradient_bound)));
+    assert_eq!(second.state().to_bytes(), whole.to_bytes());
+}
+
 #[test]
 fn newton_holds_hard_limits_and_agrees_with_the_splitting() {
     let time = "dt = 0.03333333333333333\nframes = 3";

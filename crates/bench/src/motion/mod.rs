@@ -232,6 +232,21 @@ impl Moving {
         (self.vertices(&self.x), self.vertices(&self.blown()))
     }
 
+    /// The place of each vertex of the mesh in positions.
+    pub fn places(&self) -> Vec<usize> {
+        self.place.iter().map(|place| *place as usize).collect()
+    }
+
+    /// Positions in the solver's order.
+    pub fn positions(&self) -> Vec<[f64; 3]> {
+        self.x.as_chunks::<3>().0.to_vec()
+    }
+
+    /// Velocities in the solver's order, with what wind adds in the next step.
+    pub fn blown_velocities(&self) -> Vec<[f64; 3]> {
+        self.blown().as_chunks::<3>().0.to_vec()
+    }
+
     /// How far stretches of each element are beyond their limits.
     pub fn violations(&self, x: &[f64]) -> Vec<f64> {
         let Some((low, high)) = self.body.limits else { return Vec::new() };

@@ -63,7 +63,7 @@ pub enum Kind {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 27] = [
+pub const ALL: [Reproduction; 28] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -231,6 +231,13 @@ pub const ALL: [Reproduction; 27] = [
         models: &[],
         kind: Kind::Moving,
         run: aa::figure12::run,
+    },
+    Reproduction {
+        name: "aa-auto",
+        about: "`auto` of simulate against plain ADMM on all problems of AA-ADMM, at equal time and equal counted work",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::equal_time::run,
     },
     Reproduction {
         name: "aa-linear-rate",

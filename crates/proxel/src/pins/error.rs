@@ -70,9 +70,34 @@ impl InputError {
                 let kind = if message.starts_with("unknown variant ") { "name" } else { "key" };
                 (format!("unknown {kind} `{unknown}`"), format!("did you mean `{known}`?"))
             }
-            None => (message.to_owned(), "correct it".to_owned()),
+            None => readable(message),
         };
         InputError { file: file.to_owned(), line, what, remedy }
+    }
+}
+
+/// What a reader says of a value that is of the wrong kind, in the words of those who write files, and what to do.
+fn readable(message: &str) -> (String, String) {
+    /// What readers call a kind, what it is, and the remedy.
+    const KINDS: [(&str, &str, &str); 9] = [
+        (
+            "invalid type: map, expected a sequence",
+            "",
+            "give a list; in TOML its sections have double brackets, [[..]]",
+        ),
+        ("expected f64", "expected a number", "give a number"),
+        ("expected usize", "expected a whole number", "give a whole number, 0 or more"),
+        ("expected u32", "expected a whole number", "give a whole number, 0 or more"),
+        ("expected a boolean", "", "give true or false"),
+        ("expected value", "", "give a value; JSON has no NaN and no infinity"),
+        ("number out of range", "", "give a finite number"),
+        ("EOF while parsing", "", "the file ends too early; complete it"),
+        ("wanted exactly 1 element", "", "give exactly one of them"),
+    ];
+    match KINDS.iter().find(|(said, ..)| message.contains(said)) {
+        Some((_, "", remedy)) => (message.to_owned(), (*remedy).to_owned()),
+        Some((said, meant, remedy)) => (message.replace(said, meant), (*remedy).to_owned()),
+        None => (message.to_owned(), "correct it".to_owned()),
     }
 }
 
@@ -161,5 +186,17 @@ mod tests {
         assert_eq!(e.to_string(), "a.toml: line 3: unknown key `radios`; did you mean `radius`?");
         let m = "unknown field `colour`, expected `center` or `radius`";
         assert_eq!(InputError::from_serde("a.toml", None, m).what(), m);
+        for (said, shown) in [
+            ("invalid type: string \"fast\", expected f64", "string \"fast\", expected a number; give a number"),
+            ("invalid value: integer `-1`, expected usize", "expected a whole number; give a whole number, 0 or more"),
+            (
+                "invalid type: map, expected a sequence",
+                "give a list; in TOML its sections have double brackets, [[..]]",
+            ),
+            ("invalid length 2, expected an array of length 3", "expected an array of length 3; correct it"),
+        ] {
+            let text = InputError::from_serde("a.toml", Some(2), said).to_string();
+            assert!(text.ends_with(shown) && text.starts_with("a.toml: line 2: "), "{text}");
+        }
     }
 }

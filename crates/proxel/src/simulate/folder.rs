@@ -45,8 +45,8 @@ struct WholeReport<'a> {
     /// Frames whose kinetic, elastic and potential energy together is above that of the frame before, where nothing drives
     /// the scene.
     energy_growth: Vec<usize>,
-    /// |sum m v - its value at the start| over the largest momentum so far, where nothing acts from outside, gravity
-    /// included.
+    /// |sum m v - its value at the start| over sqrt(2 M K), the largest momentum that the kinetic energy so far could have
+    /// been, where nothing acts from outside, gravity included.
     momentum_drift: Option<f64>,
     /// |sum m x cross v - its value at the start| over the largest angular momentum so far, likewise.
     angular_momentum_drift: Option<f64>,
@@ -54,12 +54,14 @@ struct WholeReport<'a> {
 }
 
 /// What may change the energy and the momenta of a scene.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ledger {
     /// Nothing but gravity acts from outside: no wind, no damping, no pins, no obstacles.
     pub free: bool,
     /// Energy comes from outside: from wind, from pins and obstacles that move.
     pub driven: bool,
+    /// All there is of mass, kg.
+    pub mass: f64,
 }
 
 /// A growth of the energy by less than this part of its largest so far is rounding and the tolerance of steps.
@@ -296,12 +298,15 @@ impl Folder {
         };
         let norm = |a: [f64; 3]| a.iter().map(|v| v * v).sum::<f64>().sqrt();
         let minus = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|d| a[d] - b[d]);
-        let over = |of: fn(&FrameRecord) -> [f64; 3]| {
-            let largest = self.records.iter().map(|r| norm(of(r))).fold(0.0, f64::max);
+        // A body that turns on the spot has no momentum that a drift could be compared with.
+        let could_be = |r: &FrameRecord| (2.0 * ledger.mass * r.kinetic).sqrt();
+        let over = |of: fn(&FrameRecord) -> [f64; 3], size: &dyn Fn(&FrameRecord) -> f64| {
+            let largest = self.records.iter().map(size).fold(0.0, f64::max);
             let drift = self.records.iter().map(|r| norm(minus(of(r), of(first)))).fold(0.0, f64::max);
             if largest > 0.0 { drift / largest } else { 0.0 }
         };
-        (Some(over(|r| r.momentum)), Some(over(|r| r.angular_momentum)))
+        let spin = |r: &FrameRecord| norm(r.angular_momentum);
+        (Some(over(|r| r.momentum, &could_be)), Some(over(|r| r.angular_momentum, &spin)))
     }
 
     /// What is made of all frames: scene.glb and preview.png, where they are wanted.

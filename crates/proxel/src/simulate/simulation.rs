@@ -162,6 +162,7 @@ impl Simulation {
         let (windy, undamped) = (forces.wind.is_some(), damping.mass == 0.0 && damping.stiffness == 0.0);
         Ledger {
             free: !windy && undamped && obstacles.is_empty() && self.world.n_free == self.world.n(),
+            mass: self.world.mass.iter().sum(),
             driven: windy || bodies.iter().any(moves) || self.world.obstacles.iter().any(|o| !o.is_still()),
         }
     }

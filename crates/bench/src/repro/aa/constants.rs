@@ -37,6 +37,16 @@ impl Bar {
         Ok(bar)
     }
 
+    /// The same bar with a step `factor` times as long.
+    pub fn slower(&self, factor: f64) -> Bar {
+        Bar { bars: self.bars.clone(), lame: self.lame, dt: factor * self.dt }
+    }
+
+    /// Seconds of its step.
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+
     /// A step from rest with squared weights mu k V.
     ///
     /// # Errors

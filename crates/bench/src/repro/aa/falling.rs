@@ -138,7 +138,7 @@ fn step(
     let wrapd = Way::polar("wrapd", Splitting::PolarReweighted);
     courses.push(step.course(context, &wrapd, n, 1e-10)?);
     for method in ["auto", "newton"] {
-        courses.push(step.simulated(context, scene, method, (500, 1e-9))?);
+        courses.push(step.simulated(context, scene, method, (EXACT.0, 1e-9))?);
     }
     let all: Vec<&Course> = courses.iter().collect();
     let _ = writeln!(

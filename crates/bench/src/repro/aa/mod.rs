@@ -1,7 +1,9 @@
 //! Reproductions of *Accelerating ADMM for efficient simulation and optimization* (Zhang et al. 2019).
 
 mod constants;
+mod contest;
 mod course;
+pub mod equal_time;
 pub mod falling;
 pub mod figure12;
 pub mod figure2;
@@ -10,9 +12,12 @@ pub mod figure4;
 pub mod linear_rate;
 mod measured;
 mod reference;
+mod safe;
 mod step;
 mod step_report;
 pub mod sweep;
+#[cfg(test)]
+mod tests;
 
 use super::context::Context;
 use crate::plot::{Axis, Line, Panel};

@@ -262,6 +262,11 @@ impl Engine {
 
     fn prepare(&mut self, world: &World, task: &Task<'_>) -> Result<(), SimulateError> {
         self.set_contacts(Vec::new());
+        // What is held as in the step before, whatever this engine has solved since: the forces at the start depend on it.
+        if let Some(strain) = &self.strain {
+            let known = strain.with(task.stresses).unwrap_or_else(|| strain.forgotten());
+            self.set_strain(known);
+        }
         let changed = task.inertia != self.inertia;
         if changed {
             self.problem.quadratic.inertia = inertia_of(world, task.inertia, task.target)?;

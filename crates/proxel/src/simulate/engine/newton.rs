@@ -26,8 +26,13 @@ const RENEWALS_OF_LIMITS: usize = 400;
 const STIFFER: f64 = 4.0;
 const LAGGING: f64 = 0.3;
 const STIFFEST: f64 = 1e4;
+/// Where Newton finds no way on, its changes having drowned in rounding of limits held so stiffly, they are held less stiffly by
+/// this factor, and never again as stiffly as they were.
+const SOFTER: f64 = 16.0;
 /// Rounds that Newton may leave without progress while planes and forces still change.
 const PATIENCE: usize = 4;
+/// With hard limits, which are held less stiffly then.
+const PATIENCE_OF_LIMITS: usize = 12;
 /// Part of the gradient that is left when planes and forces are renewed.
 const INNER: f64 = 0.05;
 
@@ -55,11 +60,8 @@ impl Engine {
         let touches = if walled { working.first(world, task.walls, &whole, task.known) } else { Vec::new() };
         let is_met = !touches.is_empty();
         self.set_contacts(touches);
-        if let Some(strain) = &self.strain {
-            let known = strain.with(task.stresses).unwrap_or_else(|| strain.forgotten());
-            self.set_strain(known);
-        }
-        let (mut before, mut growth, mut settled, mut stresses) = (f64::INFINITY, 1.0, false, Vec::new());
+        let (mut before, mut growth, mut stiffest) = (f64::INFINITY, 1.0, STIFFEST);
+        let (mut settled, mut stresses) = (false, Vec::new());
         let mut x = self.begin(task, is_met);
         let (mut iterations, mut rejected, mut rescued, mut stuck) = (0, 0, false, 0);
         let (mut status, mut reason) = (Status::Stopped, String::new());
@@ -120,10 +122,17 @@ impl Engine {
                 break;
             }
             if let Some((strain, off)) = renewed {
-                let lags = off > LAGGING * before && !settled && growth < STIFFEST;
-                let stiffer = if lags { STIFFER } else { 1.0 };
-                (before, growth) = (off, growth * stiffer);
-                self.set_strain(strain.stiffer(stiffer));
+                let lags = off > LAGGING * before && !settled && growth < stiffest;
+                let factor = match status == Status::Stopped && growth > 1.0 {
+                    true => (1.0 / SOFTER).max(1.0 / growth),
+                    false if lags => STIFFER,
+                    false => 1.0,
+                };
+                if factor < 1.0 {
+                    stiffest = growth / STIFFER;
+                }
+                (before, growth) = (off, growth * factor);
+                self.set_strain(strain.stiffer(factor));
             }
             if iterations >= self.settings.max_iters {
                 (status, reason) = (Status::Stopped, format!("{iterations} iterations done (max_iters)"));
@@ -131,7 +140,12 @@ impl Engine {
             }
             stuck += usize::from(status == Status::Stopped || inverted);
             let touching = self.is_constrained();
-            if stuck > if touching { PATIENCE } else { 0 } {
+            let patience = match (touching, self.strain.is_some()) {
+                (_, true) => PATIENCE_OF_LIMITS,
+                (true, false) => PATIENCE,
+                (false, false) => 0,
+            };
+            if stuck > patience {
                 // Newton finds no way on: the splitting may, once, where nothing touches.
                 if rescued || touching || self.settings.method != MethodName::Auto {
                     status = Status::Stopped;
