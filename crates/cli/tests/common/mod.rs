@@ -2,6 +2,7 @@
 #![allow(dead_code)] // each test file uses a part
 
 pub mod maps;
+pub mod scenes;
 pub mod surface;
 
 use std::path::{Path, PathBuf};
