@@ -16,6 +16,7 @@ pub use unwrap::{MapSplitting, UnwrapMethod, UnwrapSettings};
 
 use proxel_model::energy::{Lame, Limited, MaterialError};
 use proxel_split::{Hardening, InnerStop, LbfgsSettings, Precision, Range, Reweighting};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -33,7 +34,7 @@ pub enum Schedule {
 }
 
 /// What the weights are before they follow the stiffness, over the measure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BaseWeight {
     /// The slope fit, or the geometric mean where the slope fit exceeds that by half, which it does for nearly incompressible materials.
@@ -46,6 +47,8 @@ pub enum BaseWeight {
     Slope,
     /// The geometric mean of the largest and the smallest eigenvalue of the Hessian at rest (docs/weights.md).
     GeometricMean,
+    /// The bulk modulus lambda + 2/3 mu, as the authors of A take it for every energy.
+    BulkModulus,
 }
 
 /// What candidate weights are taken from.

@@ -197,3 +197,25 @@ fn what_does_not_go_together_is_refused_with_a_remedy() {
         assert!(said.contains(message), "{said}\n  should have said\n{message}");
     }
 }
+
+/// The bars of Zhang et al. 2019, Figure 2, with their weights: the counts of the paper's problem. An iteration more or less
+/// is on the other side of the level, and the first residual is that of the authors' implementation.
+#[test]
+fn the_bars_take_as_many_iterations_as_published() {
+    let text = include_str!("../../../scenes/aa-figure2-soft.toml").replace("frames = 30", "frames = 1");
+    let forward = |method: &str, iterations: usize| {
+        let solver =
+            format!("method = \"{method}\"\nbase_weight = \"bulk-modulus\"\ntol = 1e-30\nmax_iters = {iterations}");
+        let text = text.replace("method = \"auto\"", &solver);
+        let file = SceneFile::parse("s.toml".into(), text, false, PathBuf::new()).unwrap_or_else(|e| panic!("{e}"));
+        let (records, _) = run(&file);
+        records[0].forward.unwrap_or(f64::NAN)
+    };
+    assert!((forward("admm", 1) - 11.397).abs() < 1e-3, "{}", forward("admm", 1));
+    for (method, counts) in [("admm", [24, 45, 66]), ("aa-admm", [13, 19, 24])] {
+        for (count, level) in counts.into_iter().zip([1e-2, 1e-3, 1e-4]) {
+            let (before, at) = (forward(method, count - 1), forward(method, count));
+            assert!(before > level && at <= level, "{method}: {before:e} and {at:e} at iteration {count}");
+        }
+    }
+}

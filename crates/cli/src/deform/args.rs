@@ -175,8 +175,8 @@ pub struct MethodArgs {
     #[arg(long, value_name = "NAME", value_parser = ["on-demand", "clamp", "abs", "trust-region"])]
     pub projection: Option<String>,
     /// Stiffness that the squared weights are at first: the largest eigenvalue of the Hessian at rest, the slope fit of Liu
-    /// et al. 2017, the geometric mean of the extreme eigenvalues; auto chooses by method and material.
-    #[arg(long, value_name = "NAME", value_parser = ["auto", "rest-hessian", "slope", "geometric-mean"])]
+    /// et al. 2017, the geometric mean of the extreme eigenvalues, the bulk modulus; auto chooses by method and material.
+    #[arg(long, value_name = "NAME", value_parser = ["auto", "rest-hessian", "slope", "geometric-mean", "bulk-modulus"])]
     pub base_weight: Option<String>,
     /// Factor of the squared weights.
     #[arg(long, value_name = "BETA", allow_negative_numbers = true)]
@@ -321,6 +321,7 @@ impl MethodArgs {
                 "rest-hessian" => BaseWeight::RestHessian,
                 "slope" => BaseWeight::Slope,
                 "geometric-mean" => BaseWeight::GeometricMean,
+                "bulk-modulus" => BaseWeight::BulkModulus,
                 _ => BaseWeight::Auto, // clap lets no other through
             }),
         );

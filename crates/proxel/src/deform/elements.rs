@@ -169,6 +169,7 @@ pub(crate) fn build(
             BaseWeight::RestHessian => largest,
             BaseWeight::Slope => slope,
             BaseWeight::GeometricMean => mean,
+            BaseWeight::BulkModulus => lame.bulk(),
             BaseWeight::Auto if fixed => largest,
             BaseWeight::Auto if method.is_splitting() && !method.is_rotation_aware() => 0.5 * slope,
             BaseWeight::Auto if method.is_splitting() && slope > NEARLY_INCOMPRESSIBLE * mean => mean,

@@ -245,7 +245,7 @@ fn settings(scene: &Scene, spec: &BodySpec) -> DeformSettings {
     let of = DeformSettings::of(Schedule::Default);
     DeformSettings {
         method: scene.solver.method,
-        admm: AdmmSettings { penalty: scene.solver.penalty, ..of.admm.clone() },
+        admm: AdmmSettings { base_weight: scene.solver.base_weight, penalty: scene.solver.penalty, ..of.admm.clone() },
         anderson: AndersonWindows { aa_admm: window, aadr: window, ..AndersonWindows::default() },
         material: spec.material.clone(),
         materials,

@@ -1,6 +1,6 @@
 //! How the steps of a scene are solved.
 
-use crate::settings::{DeformSettings, MethodName, PenaltyName};
+use crate::settings::{BaseWeight, DeformSettings, MethodName, PenaltyName};
 use proxel_split::{Acceleration, Algorithm, Cycle, Extrapolation, History, Kind, Order};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -37,6 +37,8 @@ pub struct SolverSpec {
     pub history: HistoryName,
     /// Over-relaxation alpha of a splitting in the x-z-u order, between 0 and 2; 1 is none.
     pub relaxation: f64,
+    /// What squared weights are at first, over the measure of the element.
+    pub base_weight: BaseWeight,
     /// What squared weights are multiplied by.
     pub penalty: PenaltyName,
 }
@@ -116,6 +118,7 @@ impl Default for SolverSpec {
             eta: ETA,
             history: HistoryName::default(),
             relaxation: 1.0,
+            base_weight: of.admm.base_weight,
             penalty: of.admm.penalty,
         }
     }
