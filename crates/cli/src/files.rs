@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use proxel::report::TraceRow;
 use proxel_mesh::{Format, atomic_write, check_writable};
 
 use crate::refusal::Refusal;
@@ -69,6 +70,19 @@ fn is_device(path: &Path) -> bool {
 /// Writes text, whole or not at all.
 pub fn write_text(path: &Path, text: &str) -> Result<(), Refusal> {
     Ok(atomic_write(path, |w| w.write_all(text.as_bytes()))?)
+}
+
+/// Writes a report as JSON.
+pub fn write_report(path: &Path, report: &impl serde::Serialize) -> Result<(), Refusal> {
+    let text =
+        serde_json::to_string_pretty(report).map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
+    write_text(path, &(text + "\n"))
+}
+
+/// Writes the rows of a trace as CSV.
+pub fn write_trace(path: &Path, rows: &[TraceRow]) -> Result<(), Refusal> {
+    let lines: Vec<String> = rows.iter().map(TraceRow::to_csv).collect();
+    write_text(path, &format!("{}\n{}\n", TraceRow::HEADER, lines.join("\n")))
 }
 
 /// The largest resident memory of this process so far, where the system tells.

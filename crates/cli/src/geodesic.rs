@@ -9,13 +9,12 @@ use proxel::geodesic::{Geodesic, Hooks, geodesic};
 use proxel::preview::draw_distances;
 use proxel::report::TraceRow;
 use proxel::settings::{GeodesicMethod, GeodesicSettings, GradientForm};
-use proxel::split::Status;
 use proxel_mesh::topology::surface;
 use proxel_mesh::{Fields, Format, Mesh, not_carried, read_mesh_lenient, write_mesh};
 
 use crate::args::{RunArgs, show_settings};
-use crate::files::{Outputs, peak_bytes, write_text};
-use crate::interrupt::{CANCELLED, Interrupt};
+use crate::files::{Outputs, peak_bytes, write_report, write_text, write_trace};
+use crate::interrupt::{Interrupt, exit_status};
 use crate::refusal::Refusal;
 
 /// The arguments of `proxel geodesic`.
@@ -133,15 +132,7 @@ pub fn run(args: &GeodesicArgs) -> Result<u8, Refusal> {
     result.report.seconds.read = read;
     interrupt.writing();
     write(args, out, &mesh, &mut result, &rows)?;
-    Ok(match result.status {
-        Status::Converged => 0,
-        Status::Failed => {
-            eprintln!("error: {}", result.report.reason);
-            1
-        }
-        Status::Stopped => 3,
-        Status::Cancelled => CANCELLED,
-    })
+    Ok(exit_status(result.status.as_str(), &result.report.reason))
 }
 
 fn is_list(path: &Path) -> bool {
@@ -187,17 +178,14 @@ fn write(
         written.push(path.display().to_string());
     }
     if let Some(path) = &args.run.trace {
-        let lines: Vec<String> = rows.iter().map(TraceRow::to_csv).collect();
-        write_text(path, &format!("{}\n{}\n", TraceRow::HEADER, lines.join("\n")))?;
+        write_trace(path, rows)?;
         written.push(path.display().to_string());
     }
     let report = &mut result.report;
     report.seconds.write = began.elapsed().as_secs_f64();
     report.peak_bytes = peak_bytes();
     if let Some(path) = &args.run.report {
-        let text = serde_json::to_string_pretty(&report)
-            .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
-        write_text(path, &(text + "\n"))?;
+        write_report(path, &report)?;
         written.push(path.display().to_string());
     }
     if !args.run.quiet {

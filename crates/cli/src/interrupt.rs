@@ -8,6 +8,19 @@ use crate::refusal::Refusal;
 /// Exit status of a cancelled run.
 pub const CANCELLED: u8 = 130;
 
+/// The exit status of a run that ended so; a failure is said.
+pub fn exit_status(status: &str, reason: &str) -> u8 {
+    match status {
+        "converged" => 0,
+        "stopped" => 3,
+        "cancelled" => CANCELLED,
+        _ => {
+            eprintln!("error: {reason}");
+            1
+        }
+    }
+}
+
 const READING: u8 = 0;
 const SOLVING: u8 = 1;
 const WRITING: u8 = 2;

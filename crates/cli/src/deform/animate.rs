@@ -13,7 +13,7 @@ use proxel_mesh::{Fields, Format, MOST_GLTF_FRAMES, MeshError, check_series_outp
 use serde::Serialize;
 
 use super::run::Inputs;
-use crate::files::{Outputs, peak_bytes, write_text};
+use crate::files::{Outputs, peak_bytes, write_report, write_text};
 use crate::interrupt::{CANCELLED, Interrupt};
 use crate::progress::Bar;
 use crate::refusal::Refusal;
@@ -275,9 +275,7 @@ pub fn animate(
     let report = report(&player, settings, Seconds { read, setup, solve, write: 0.0 });
     if let Some(path) = &outlets.report {
         let whole = AnimationReport { report, frames: player.frames.clone() };
-        let text = serde_json::to_string_pretty(&whole)
-            .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
-        write_text(path, &(text + "\n"))?;
+        write_report(path, &whole)?;
         written.push(path.clone());
     }
     if !quiet {

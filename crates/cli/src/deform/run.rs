@@ -13,8 +13,8 @@ use proxel_mesh::{Mesh, not_carried, read_mesh, read_points, write_mesh};
 
 use super::{DeformArgs, Outlets, animate};
 use crate::args::show_settings;
-use crate::files::{Outputs, peak_bytes, write_text};
-use crate::interrupt::{CANCELLED, Interrupt};
+use crate::files::{Outputs, peak_bytes, write_report, write_trace};
+use crate::interrupt::{Interrupt, exit_status};
 use crate::picture;
 use crate::progress::Bar;
 use crate::refusal::Refusal;
@@ -251,8 +251,7 @@ pub fn solve_and_write(
     let failed = result.status == Status::Failed;
     let mut written = if failed { Vec::new() } else { files.write(&input, settings, &result)? };
     if let Some(path) = &files.trace {
-        let lines: Vec<String> = rows.iter().map(TraceRow::to_csv).collect();
-        write_text(path, &format!("{}\n{}\n", TraceRow::HEADER, lines.join("\n")))?;
+        write_trace(path, &rows)?;
         written.push(path.display().to_string());
     }
     let report = &mut result.report;
@@ -262,23 +261,13 @@ pub fn solve_and_write(
     report.seconds.write = began.elapsed().as_secs_f64();
     report.peak_bytes = peak_bytes();
     if let Some(path) = &files.report {
-        let text = serde_json::to_string_pretty(&report)
-            .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
-        write_text(path, &(text + "\n"))?;
+        write_report(path, &report)?;
         written.push(path.display().to_string());
     }
     if !quiet {
         say(&input, files, &result, &written)?;
     }
-    Ok(match result.status {
-        Status::Converged => 0,
-        Status::Failed => {
-            eprintln!("error: {}", result.report.reason);
-            1
-        }
-        Status::Stopped => 3,
-        Status::Cancelled => CANCELLED,
-    })
+    Ok(exit_status(result.status.as_str(), &result.report.reason))
 }
 
 fn say(input: &DeformInput, files: &Files, result: &Deformation, written: &[String]) -> Result<(), Refusal> {

@@ -12,8 +12,8 @@ use proxel_mesh::{Fields, Mesh, not_carried, read_mesh_lenient, write_mesh};
 
 use super::PlanarizeArgs;
 use crate::args::show_settings;
-use crate::files::{Outputs, peak_bytes, write_text};
-use crate::interrupt::{CANCELLED, Interrupt};
+use crate::files::{Outputs, peak_bytes, write_report, write_trace};
+use crate::interrupt::{Interrupt, exit_status};
 use crate::progress::Bar;
 use crate::refusal::Refusal;
 
@@ -75,31 +75,20 @@ pub fn run(args: &PlanarizeArgs) -> Result<u8, Refusal> {
         written.push(path.clone());
     }
     if let Some(path) = &common.trace {
-        let lines: Vec<String> = rows.iter().map(TraceRow::to_csv).collect();
-        write_text(path, &format!("{}\n{}\n", TraceRow::HEADER, lines.join("\n")))?;
+        write_trace(path, &rows)?;
         written.push(path.clone());
     }
     result.report.seconds.read = read;
     result.report.seconds.write = began.elapsed().as_secs_f64();
     result.report.peak_bytes = peak_bytes();
     if let Some(path) = &common.report {
-        let text = serde_json::to_string_pretty(&result.report)
-            .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
-        write_text(path, &(text + "\n"))?;
+        write_report(path, &result.report)?;
         written.push(path.clone());
     }
     if !common.quiet {
         say(&input.mesh, out, &result, &written)?;
     }
-    Ok(match result.status {
-        Status::Converged => 0,
-        Status::Failed => {
-            eprintln!("error: {}", result.report.reason);
-            1
-        }
-        Status::Stopped => 3,
-        Status::Cancelled => CANCELLED,
-    })
+    Ok(exit_status(result.status.as_str(), &result.report.reason))
 }
 
 /// The planarity of each face, over the mean edge, and the distance of each vertex from the reference.

@@ -8,10 +8,10 @@ use proxel_mesh::write_mesh;
 use serde::Serialize;
 
 use super::ReplayArgs;
-use crate::files::{Outputs, write_text};
-use crate::interrupt::Interrupt;
+use crate::files::{Outputs, write_report, write_text};
+use crate::interrupt::{Interrupt, exit_status};
 use crate::refusal::Refusal;
-use crate::simulate::{exit_status, report};
+use crate::simulate::report;
 
 /// A report, and all that is known of the frame.
 #[derive(Serialize)]
@@ -92,9 +92,7 @@ pub fn run(args: &ReplayArgs, mut scene: SceneFile, state: State) -> Result<u8, 
         let end = (record.status.as_str(), record.reason.as_str());
         let whole =
             WholeReport { report: report(&simulation, std::slice::from_ref(&record), end, seconds), frames: [&record] };
-        let text = serde_json::to_string_pretty(&whole)
-            .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
-        write_text(path, &(text + "\n"))?;
+        write_report(path, &whole)?;
         written.push(path);
     }
     if !r.quiet {

@@ -5,5 +5,5 @@ mod report;
 mod run;
 
 pub use args::{SchemaArgs, SimulateArgs};
-pub use report::{exit_status, report};
+pub use report::report;
 pub use run::{run, schema};

@@ -4,7 +4,6 @@ use proxel::report::{Report, Seconds};
 use proxel::simulate::{FrameRecord, Simulation};
 
 use crate::files::peak_bytes;
-use crate::interrupt::CANCELLED;
 
 /// Of these frames, with how it ended and why.
 pub fn report(
@@ -39,18 +38,5 @@ pub fn report(
         factor_bytes: Some(simulation.factor_bytes()),
         threads: simulation.threads(),
         ..Report::default()
-    }
-}
-
-/// The exit status of a run that ended so; a failure is said.
-pub fn exit_status(status: &str, reason: &str) -> u8 {
-    match status {
-        "converged" => 0,
-        "stopped" => 3,
-        "cancelled" => CANCELLED,
-        _ => {
-            eprintln!("error: {reason}");
-            1
-        }
     }
 }

@@ -7,9 +7,9 @@ use proxel::problem_file::ProblemFile;
 use proxel::report::{Report, Seconds, TraceRow};
 use proxel::simulate::{Folder, FrameRecord, Hooks, Progress, SceneFile, Simulation, State, schema as scene_schema};
 
-use super::{SchemaArgs, SimulateArgs, exit_status, report};
+use super::{SchemaArgs, SimulateArgs, report};
 use crate::files::{Outputs, write_text};
-use crate::interrupt::Interrupt;
+use crate::interrupt::{Interrupt, exit_status};
 use crate::progress::Bar;
 use crate::refusal::Refusal;
 

@@ -13,8 +13,8 @@ use proxel_mesh::{Mesh, read_mesh_lenient};
 use super::pictures::Pictures;
 use super::{UnwrapArgs, lists, original};
 use crate::args::show_settings;
-use crate::files::{Outputs, peak_bytes, write_text};
-use crate::interrupt::{CANCELLED, Interrupt};
+use crate::files::{Outputs, peak_bytes, write_report, write_text};
+use crate::interrupt::{Interrupt, exit_status};
 use crate::progress::Bar;
 use crate::refusal::Refusal;
 
@@ -162,23 +162,13 @@ impl Job<'_> {
         report.seconds.write = began.elapsed().as_secs_f64();
         report.peak_bytes = peak_bytes();
         if let Some(path) = &self.files.report {
-            let text = serde_json::to_string_pretty(&report)
-                .map_err(|e| Refusal::new(format!("the report cannot be written: {e}")))?;
-            write_text(path, &(text + "\n"))?;
+            write_report(path, &report)?;
             written.push(path.display().to_string());
         }
         if !self.quiet {
             say(&result, &written);
         }
-        Ok(match result.status {
-            Status::Converged => 0,
-            Status::Failed => {
-                eprintln!("error: {}", result.report.reason);
-                1
-            }
-            Status::Stopped => 3,
-            Status::Cancelled => CANCELLED,
-        })
+        Ok(exit_status(result.status.as_str(), &result.report.reason))
     }
 
     fn draw(&self, mesh: &Mesh, result: &Unwrapped, written: &mut Vec<String>) -> Result<(), Refusal> {

@@ -2,7 +2,7 @@
 
 use super::GeodesicError;
 use proxel_mesh::Mesh;
-use proxel_mesh::topology::surface;
+use proxel_mesh::topology::{components, surface};
 
 /// Triangles with lengths, in units of the diagonal of the bounding box.
 #[derive(Debug)]
@@ -116,19 +116,10 @@ impl Surface {
 
     /// For each vertex the lowest vertex that triangles join it with; itself where it is alone.
     pub fn components(&self) -> Vec<u32> {
-        let mut parent: Vec<u32> = (0..self.n as u32).collect();
-        fn root(parent: &mut [u32], mut v: u32) -> u32 {
-            while parent[v as usize] != v {
-                parent[v as usize] = parent[parent[v as usize] as usize];
-                v = parent[v as usize];
-            }
-            v
-        }
-        for [a, b] in &self.edges {
-            let (a, b) = (root(&mut parent, *a), root(&mut parent, *b));
-            parent[a.max(b) as usize] = a.min(b);
-        }
-        (0..self.n as u32).map(|v| root(&mut parent, v)).collect()
+        let found = components(self.n, self.edges.iter().map(|edge| &edge[..]));
+        let mut lowest = vec![None; found.count];
+        let name = |(v, c): (u32, &Option<u32>)| c.map_or(v, |c| *lowest[c as usize].get_or_insert(v));
+        (0..).zip(&found.of_vertex).map(name).collect()
     }
 }
 
