@@ -14,9 +14,9 @@ use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
 use crate::demo_unwrap::UNWRAP;
 use crate::geodesic::GeodesicArgs;
-use crate::planarize::PlanarizeArgs;
 use crate::refusal::Refusal;
 use crate::replay::ReplayArgs;
+use crate::shape::{PlanarizeArgs, WireArgs};
 use crate::simulate::{SchemaArgs, SimulateArgs};
 use crate::unwrap::UnwrapArgs;
 
@@ -35,6 +35,7 @@ Examples:
   proxel deform body.node --pins hands.toml --out posed.vtu
   proxel unwrap spot.obj --out spot-uv.obj              texture coordinates
   proxel planarize roof.obj --out flat.obj              planar faces, for panels of glass
+  proxel wire net.obj --edge-length 0.02 --out w.obj    edges of one length, for wires
   proxel simulate scene.toml --out run                  bodies in motion, for ParaView
   proxel geodesic bunny.obj --source 9689 --out distance.vtu
   proxel batch unwrap scans --out uv --jobs 8           all meshes in a folder
@@ -52,6 +53,8 @@ pub enum Command {
     Unwrap(Box<UnwrapArgs>),
     /// Make the faces of a mesh planar, near to a reference surface.
     Planarize(Box<PlanarizeArgs>),
+    /// Give all edges of a mesh one length, and angles a range, near to a reference surface.
+    Wire(Box<WireArgs>),
     /// Let bodies of a scene move: implicit dynamics with obstacles and hard strain limits.
     Simulate(Box<SimulateArgs>),
     /// Measure distances along a surface from some of its vertices.

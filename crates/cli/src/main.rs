@@ -23,10 +23,10 @@ mod geodesic;
 mod info;
 mod interrupt;
 mod picture;
-mod planarize;
 mod progress;
 mod refusal;
 mod replay;
+mod shape;
 mod simulate;
 mod unwrap;
 
@@ -50,7 +50,8 @@ fn main() -> ExitCode {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
-        Command::Planarize(args) => planarize::run(&args),
+        Command::Planarize(args) => shape::planarize(&args),
+        Command::Wire(args) => shape::wire(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Schema(args) => simulate::schema(&args),

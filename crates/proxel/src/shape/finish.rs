@@ -26,7 +26,7 @@ pub(super) type Constraints = Vec<Arc<dyn RowsOf>>;
 pub(super) struct Finish {
     problem: Problem,
     constraints: Constraints,
-    stiffness: f64, // of the soft springs, per vertex: the diagonal of H besides the quadratic form
+    stiffness: f64, // the mean of H's diagonal, what damping and penalty are measured against
     x: Vec<f64>,
     rows: Rows,
     multipliers: Vec<f64>,
@@ -34,7 +34,7 @@ pub(super) struct Finish {
     matrix: BlockMatrix,
     factor: Cholesky<f64>,
     scratch: SolveScratch,
-    hessian: Vec<f64>, // of the quadratic form, slot by slot
+    hessian: Vec<f64>, // H, slot by slot
     damping: f64,      // tau
     violation: f64,    // at x
     dual: f64,         // the dual residual that the splitting has ended with
@@ -72,7 +72,6 @@ impl Finish {
     pub fn new(
         problem: Problem,
         constraints: Constraints,
-        stiffness: f64,
         x: Vec<f64>,
         (iteration, dual): (usize, f64),
     ) -> Result<Self, SystemError> {
@@ -93,6 +92,14 @@ impl Finish {
         let symbolic = Symbolic::analyze(&pattern, Ordering::Auto).and_then(|s| s.expanded(3)).map_err(broken)?;
         let mut hessian = vec![0.0; pattern.nnz()];
         problem.quadratic.form.add_to(&pattern, &mut hessian);
+        problem.terms.iter().filter(|term| !term.is_hard()).for_each(|term| term.add_normal(&pattern, &mut hessian));
+        for (node, k, _) in &problem.quadratic.springs {
+            if let Some(slot) = pattern.slot(*node as usize, *node as usize) {
+                hessian[slot] += k;
+            }
+        }
+        let diagonal = (0..problem.n_free).filter_map(|i| pattern.slot(i, i)).map(|slot| hessian[slot]);
+        let stiffness = diagonal.sum::<f64>() / problem.n_free.max(1) as f64;
         let mut finish = Finish {
             matrix: BlockMatrix::new(&pattern, 3).map_err(broken)?,
             factor: Cholesky::new(Arc::new(symbolic)),
@@ -133,7 +140,7 @@ impl Finish {
         self.matrix.values_mut().fill(0.0);
         self.matrix.add_identities(&self.hessian).map_err(broken)?;
         for i in 0..self.problem.n_free {
-            self.matrix.add_to_diagonal(i, self.stiffness + self.damping);
+            self.matrix.add_to_diagonal(i, self.damping);
         }
         let (pattern, values) = (&self.pattern, self.matrix.values_mut());
         for r in (0..self.rows.len()).filter(|r| active[*r]) {

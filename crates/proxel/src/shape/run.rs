@@ -1,6 +1,6 @@
 //! The course of a run: a splitting, and its finish.
 
-use super::finish::Finish;
+use super::finish::{Constraints, Finish};
 use super::problem::{Posed, Shape};
 use super::{EXACT, ShapeError, ShapeMethod, ShapeSettings};
 use crate::deform::{Hooks, Progress, TimeLimit};
@@ -38,8 +38,8 @@ const PATIENCE: usize = 1000;
 const FINISH: usize = 60;
 
 /// The splitting that settings ask for: z-x-u, under Algorithm 2.
-pub(super) fn splitting(posed: Posed, settings: &ShapeSettings) -> Result<(Box<dyn Method>, Rest), ShapeError> {
-    let Posed { problem, constraints, closeness } = posed;
+pub(super) fn splitting(posed: Posed, settings: &ShapeSettings) -> Result<(Box<dyn Method>, Constraints), ShapeError> {
+    let Posed { problem, constraints, .. } = posed;
     let name = settings.method.as_str().to_string();
     let parts = AdmmSettings { name, global: Box::new(Direct), reweighting: None, renewed_at: None };
     let admm = Admm::new(problem, parts)?;
@@ -54,13 +54,7 @@ pub(super) fn splitting(posed: Posed, settings: &ShapeSettings) -> Result<(Box<d
             .map_err(build)?,
         (_, m) => Acceleration::anderson(Algorithm::Two, m).of(admm).map_err(build)?,
     };
-    Ok((method, Rest { constraints, closeness }))
-}
-
-/// What the finish needs besides the problem.
-pub(super) struct Rest {
-    constraints: super::finish::Constraints,
-    closeness: f64,
+    Ok((method, constraints))
 }
 
 /// Solves.
@@ -71,7 +65,7 @@ pub(super) fn run(
     hooks: &mut Hooks<'_>,
     began: Instant,
 ) -> Result<Ended, ShapeError> {
-    let (mut method, rest) = splitting(posed, settings)?;
+    let (mut method, constraints) = splitting(posed, settings)?;
     let setup = began.elapsed().as_secs_f64();
     let auto = settings.method == ShapeMethod::Auto;
     let mut handover = Handover { a: shape.mean_edge, mu: settings.mu };
@@ -80,7 +74,7 @@ pub(super) fn run(
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = TimeLimit::new(began, settings.time_limit);
     let mut watcher = Watcher { hooks, began, watching: Duration::ZERO, skips: false };
-    let free = rest.constraints.is_empty();
+    let free = constraints.is_empty();
     let mut stops: Vec<&mut dyn Stop> = vec![&mut tolerance, &mut cancel, &mut time, &mut limit];
     if auto && !free {
         stops.push(&mut handover);
@@ -96,7 +90,7 @@ pub(super) fn run(
     let (x, dual) = (method.x().to_vec(), method.residuals().dual);
     let settled = before.reason.clone();
     let problem = method.into_problem();
-    let mut finish = Finish::new(problem, rest.constraints, rest.closeness, x, (before.iterations, dual))?;
+    let mut finish = Finish::new(problem, constraints, x, (before.iterations, dual))?;
     watcher.skips = true;
     let mut exact = Exact { settled };
     let mut last = IterationLimit(settings.max_iters.min(before.iterations + FINISH));

@@ -1,0 +1,62 @@
+//! `proxel planarize` and `proxel wire`: meshes under geometric constraints.
+
+mod files;
+mod picture;
+mod planarize;
+mod wire;
+
+pub use planarize::{PlanarizeArgs, planarize};
+pub use wire::{WireArgs, wire};
+
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use proxel::shape::{ShapeMethod, ShapeSettings};
+use std::path::PathBuf;
+
+use crate::args::SolveArgs;
+
+/// What every command has that shapes a mesh.
+#[derive(Args)]
+pub struct ShapeArgs {
+    /// The mesh: polygons of any size.
+    #[arg(value_name = "MESH", required_unless_present = "show_settings")]
+    pub mesh: Option<PathBuf>,
+    /// The surface that vertices are to be near to, open or closed; without it the mesh as it comes.
+    #[arg(long, value_name = "REF")]
+    pub reference: Option<PathBuf>,
+    /// Weight of the squared distance of each vertex from the reference.
+    #[arg(long, value_name = "W", allow_negative_numbers = true)]
+    #[arg(default_value_t = ShapeSettings::planarize().closeness)]
+    pub closeness: f64,
+    #[command(flatten)]
+    pub solve: SolveArgs,
+    /// auto: accelerated ADMM, then Gauss-Newton until constraints hold to 1e-10; aa-admm: Algorithm 2 of Zhang et al.
+    /// 2019; admm: the iteration as it is.
+    #[arg(long, value_name = "NAME", value_parser = methods(), help_heading = "Method")]
+    #[arg(default_value = ShapeMethod::default().as_str())]
+    pub method: String,
+    /// Columns of Anderson acceleration.
+    #[arg(long, value_name = "M", default_value_t = ShapeSettings::planarize().anderson, help_heading = "Method")]
+    pub anderson: usize,
+}
+
+fn methods() -> PossibleValuesParser {
+    PossibleValuesParser::new(ShapeMethod::ALL.map(ShapeMethod::as_str))
+}
+
+impl ShapeArgs {
+    /// Settings, with what is different between commands.
+    fn settings(&self, mu: f64, fairing: f64) -> ShapeSettings {
+        ShapeSettings {
+            method: ShapeMethod::from_name(&self.method).unwrap_or_default(), // clap lets no other through
+            mu,
+            anderson: self.anderson,
+            closeness: self.closeness,
+            fairing,
+            tol: self.solve.tol,
+            max_iters: self.solve.max_iters,
+            time_limit: self.solve.run.time_limit,
+            threads: self.solve.run.threads,
+        }
+    }
+}
