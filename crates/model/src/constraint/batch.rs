@@ -2,7 +2,7 @@
 
 use super::cells::CHUNK;
 use super::gather::Gather;
-use super::{Cells, Reduction, Set, V3, dot, sub};
+use super::{Cells, Hint, Reduction, Set, V3, dot, sub};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
 use rayon::prelude::*;
@@ -27,9 +27,10 @@ pub struct Batch<R, S> {
     weight2: f64,   // as it is
     candidate: f64, // as it may become
     gather: Gather,
-    z: Vec<V3>,      // scratch; for soft sets the nearest point to `at`
-    at: Vec<V3>,     // Dx that z is nearest to, where sets are soft: a pass at the same x does not ask again
-    forces: Vec<V3>, // scratch: a corner each
+    z: Vec<V3>,       // scratch; for soft sets the nearest point to `at`
+    at: Vec<V3>,      // Dx that z is nearest to, where sets are soft: a pass at the same x does not ask again
+    forces: Vec<V3>,  // scratch: a corner each
+    hints: Vec<Hint>, // of sets that search, an element each
 }
 
 impl<R: Reduction, S: Set> Batch<R, S> {
@@ -46,6 +47,7 @@ impl<R: Reduction, S: Set> Batch<R, S> {
             z: vec![[0.0; 3]; local],
             at,
             forces: vec![[0.0; 3]; cells.nodes.len()],
+            hints: if cells.set.takes_hints() { vec![Hint::default(); cells.len()] } else { Vec::new() },
             hold,
             base: weight,
             weight2: weight,
@@ -68,8 +70,9 @@ impl<R: Reduction, S: Set> Batch<R, S> {
         let cells = &*self.cells;
         let rows = cells.rows;
         let x = x.as_chunks::<3>().0;
-        let numbers = self.z.par_chunks_mut(CHUNK * rows).zip(self.at.par_chunks_mut(CHUNK * rows)).enumerate();
-        numbers.for_each(|(chunk, (z, at))| {
+        let numbers = self.z.par_chunks_mut(CHUNK * rows).zip(self.at.par_chunks_mut(CHUNK * rows));
+        let hints = hints_by_chunk(&mut self.hints, cells.len());
+        numbers.zip(hints).enumerate().for_each(|(chunk, ((z, at), hints))| {
             let mut c = vec![[0.0; 3]; rows];
             for (k, (z, at)) in z.chunks_exact_mut(rows).zip(at.chunks_exact_mut(rows)).enumerate() {
                 let e = chunk * CHUNK + k;
@@ -77,7 +80,7 @@ impl<R: Reduction, S: Set> Batch<R, S> {
                 if c != at {
                     at.copy_from_slice(&c);
                     z.copy_from_slice(&c);
-                    cells.set.project(e, z);
+                    nearest(&cells.set, e, z, hints.get_mut(k));
                 }
             }
         });
@@ -91,7 +94,8 @@ impl<R: Reduction, S: Set> Batch<R, S> {
         let updates_dual = cycle.order == Order::Xzu;
         let state = p.par_chunks_mut(CHUNK * rows).zip(u.par_chunks_mut(CHUNK * rows));
         let scratch = self.z.par_chunks_mut(CHUNK * rows).zip(self.forces.par_chunks_mut(CHUNK * corners));
-        let chunks = scratch.zip(state).enumerate().map(|(chunk, ((z, forces), (p, u)))| {
+        let hints = hints_by_chunk(&mut self.hints, cells.len());
+        let chunks = scratch.zip(state).zip(hints).enumerate().map(|(chunk, (((z, forces), (p, u)), hints))| {
             let mut report = LocalReport::default();
             let elements = forces.chunks_exact_mut(corners).zip(z.chunks_exact_mut(rows));
             let state = p.chunks_exact_mut(rows).zip(u.chunks_exact_mut(rows));
@@ -109,7 +113,7 @@ impl<R: Reduction, S: Set> Batch<R, S> {
                         u[r][d] = if updates_dual { z[r][d] } else { u[r][d] };
                     }
                 }
-                cells.set.project(e, z);
+                nearest(&cells.set, e, z, hints.get_mut(k));
                 for r in 0..rows {
                     for d in 0..3 {
                         let (c, z) = (f[r][d], z[r][d]);
@@ -166,6 +170,27 @@ impl<R: Reduction, S: Set> Batch<R, S> {
         let value = self.aim(x, &z);
         self.z = z;
         value
+    }
+}
+
+/// The hints of the elements of each chunk; none where there are none.
+fn hints_by_chunk(hints: &mut [Hint], n: usize) -> impl IndexedParallelIterator<Item = &mut [Hint]> {
+    let chunk = if hints.is_empty() { 0 } else { CHUNK };
+    let mut left = hints;
+    let parts: Vec<&mut [Hint]> = (0..n.div_ceil(CHUNK))
+        .map(|_| {
+            let (first, others) = std::mem::take(&mut left).split_at_mut(chunk.min(left.len()));
+            left = others;
+            first
+        })
+        .collect();
+    parts.into_par_iter()
+}
+
+fn nearest(set: &impl Set, e: usize, z: &mut [V3], hint: Option<&mut Hint>) {
+    match hint {
+        Some(hint) => set.project_from(e, z, hint),
+        None => set.project(e, z),
     }
 }
 
