@@ -206,7 +206,9 @@ impl<T: Item> Boxes<T> {
         let above = own.map(|c| (c as f32).next_up());
         // Scaled, rounded up, and no less than what underflows.
         let bound = |best: &Best| {
-            let within = (best.squared.sqrt() + reach) * self.scale;
+            // Beyond the second nearest nothing is to be learnt.
+            let (nearest, second) = (best.squared.sqrt(), best.second.sqrt());
+            let within = nearest.max((nearest + reach).min(second)) * self.scale;
             ((within * within) as f32).next_up() * (1.0 + SLACK) + f32::MIN_POSITIVE
         };
         // The distance that a box in f32 stands for, rounded down, in units of items.

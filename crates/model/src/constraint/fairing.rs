@@ -1,6 +1,6 @@
 //! Fairing: quadratics that hold the differential coordinates of a mesh.
 
-use proxel_split::SymmetricForm;
+use proxel_split::{Quadratic, SymmetricForm};
 
 /// A row of L: vertices and their coefficients.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,6 +38,36 @@ impl Stencils {
     /// K = weight L^T L over n vertices: 1/2 x^T K x = weight/2 |L x|^2.
     pub fn form(&self, n: usize, weight: f64) -> SymmetricForm {
         SymmetricForm::from_stencils(n, self.iter().map(|(nodes, c)| (nodes, c, weight)))
+    }
+}
+
+/// How a mesh is faired: weights of the quadratics of [`Stencils`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fairing {
+    /// w of w/2 |L x|^2, the Laplacian: makes the mesh smooth, whatever it was before.
+    pub smooth: f64,
+    /// w of w/2 |L (x - x~)|^2, the relative Laplacian (Liu et al. 2011): holds the shape of before.
+    pub relative: f64,
+}
+
+impl Fairing {
+    /// Makes both part of f: K = (smooth + relative) L^T L, b = relative L^T L x~, and the constant relative/2 |L x~|^2, x~
+    /// being the positions of all vertices, `3 n` numbers.
+    pub fn add_to(&self, stencils: &Stencils, before: &[f64], quadratic: &mut Quadratic) {
+        let n = before.len() / 3;
+        if stencils.is_empty() || !(self.smooth + self.relative > 0.0) {
+            return;
+        }
+        if self.relative > 0.0 {
+            let mut loads = vec![0.0; before.len()];
+            let held = stencils.form(n, self.relative);
+            quadratic.constant += held.value_and_gradient(before, 3, Some(&mut loads));
+            quadratic.loads.resize(before.len(), 0.0);
+            quadratic.loads.iter_mut().zip(loads).for_each(|(b, l)| *b += l);
+        }
+        let form = stencils.form(n, self.smooth + self.relative);
+        let others = std::mem::take(&mut quadratic.form);
+        quadratic.form = if others.is_empty() { form } else { SymmetricForm::sum(&[others, form]) };
     }
 }
 

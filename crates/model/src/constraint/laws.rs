@@ -69,15 +69,29 @@ pub fn check<R: Reduction, S: Set + 'static>(
     make: impl Fn(&Motion) -> S,
     member: impl Fn(&[V3], &mut SplitMix) -> Vec<V3>,
 ) {
-    let set = make(&Motion::NONE);
-    let mut random = SplitMix::new(7);
+    let (set, mut random) = (make(&Motion::NONE), SplitMix::new(7));
+    let any = |random: &mut SplitMix| (0..corners).map(|_| random.array(-1.0, 1.0)).collect::<Vec<V3>>();
     for _ in 0..40 {
-        let x: Vec<V3> = (0..corners).map(|_| random.array(-1.0, 1.0)).collect();
+        let x = any(&mut random);
         nearest(&set, &reduced::<R>(&x), &member, &mut random);
+    }
+    check_from::<R, S>(corners, make, any);
+}
+
+/// All laws but those of members, from corners of some kind.
+pub fn check_from<R: Reduction, S: Set + 'static>(
+    corners: usize,
+    make: impl Fn(&Motion) -> S,
+    any: impl Fn(&mut SplitMix) -> Vec<V3>,
+) {
+    let (set, mut random) = (make(&Motion::NONE), SplitMix::new(17));
+    for _ in 0..40 {
+        let x = any(&mut random);
         moves_along::<R, S>(&set, &make, &x, &mut random);
         linear(&set, &reduced::<R>(&x), &mut random, |v| reduced_again::<R>(v, corners));
     }
-    ends_in_it::<R, S>(make(&Motion::NONE), corners);
+    let outside = (0..50).map(|_| any(&mut random)).find(|x| set.violation(0, &reduced::<R>(x)) > 1e-2);
+    ends_in_it::<R, S>(set, corners, &outside.expect("corners that are not in the set"));
 }
 
 /// A direction that the reduction has, from any rows.
@@ -180,12 +194,20 @@ fn newton(v: &[V3], rows: &[(f64, Vec<V3>)]) -> Vec<V3> {
 
 /// Three elements in a chain, each with a vertex of the one before, near to where they come from: ADMM ends in the set, and
 /// with little residuals.
-fn ends_in_it<R: Reduction, S: Set + 'static>(set: S, corners: usize) {
+fn ends_in_it<R: Reduction, S: Set + 'static>(set: S, corners: usize, start: &[V3]) {
     let step = corners.saturating_sub(1).max(1);
     let nodes: Vec<u32> = (0..3).flat_map(|e| (0..corners).map(move |k| (e * step + k) as u32)).collect();
     let n = 2 * step + corners;
-    let mut random = SplitMix::new(21);
-    let x0: Vec<f64> = (0..3 * n).map(|_| random.uniform(-1.0, 1.0)).collect();
+    // The first element as given, the others likewise, from where the one before ends.
+    let mut x0 = vec![0.0; 3 * n];
+    let mut from = start[0];
+    for e in 0..3 {
+        for (k, x) in start.iter().enumerate() {
+            let at = 3 * (e * step + k);
+            x0[at..at + 3].copy_from_slice(&add(sub(*x, start[0]), 1.0, from));
+        }
+        from = add(sub(start[corners - 1], start[0]), 1.0, from);
+    }
     let springs = x0.as_chunks::<3>().0.iter().enumerate().map(|(i, x)| (i as u32, 1.0, *x)).collect();
     let cells = Arc::new(Cells::<R, S>::new(nodes, corners, set).unwrap());
     let before = cells.violation(x0.as_chunks().0);
@@ -222,7 +244,7 @@ pub fn finite(set: &impl Set, v: &[V3]) {
     let z = projected(set, v);
     let size = v.iter().chain(&z).flatten().fold(0.0_f64, |m, c| m.max(c.abs()));
     assert!(z.as_flattened().iter().all(|c| c.is_finite()), "{v:?}: {z:?}");
-    assert!(set.violation(0, v).is_finite() && set.violation(0, &z) <= 1e-12 * size.max(f64::MIN_POSITIVE), "{v:?}");
+    assert!(set.violation(0, v).is_finite() && set.violation(0, &z) <= 1e-12 * size.max(1.0), "{v:?}");
     for (value, gradient) in rows(set, v) {
         assert!(value.is_finite() && gradient.as_flattened().iter().all(|g| g.is_finite()), "{v:?}");
     }

@@ -14,15 +14,28 @@
 //! | set | reduction | violation |
 //! |---|---|---|
 //! | [`Planar`] | [`MeanCentred`] | largest distance of a corner from the best plane |
+//! | [`Line`] | [`MeanCentred`] | largest distance of a corner from the best line |
+//! | [`Circle`] | [`MeanCentred`] | largest distance of a corner from the best circle |
+//! | [`Parallelogram`], [`Rectangle`], [`RegularPolygon`] | [`MeanCentred`] | farthest way of a corner |
+//! | [`Rigid`], [`Similar`] to given shapes | [`MeanCentred`] | farthest way of a corner |
+//! | [`Conical`] | [`Spokes`] to four neighbours | radians by which opposite angles sum differently |
 //! | [`Length`] | [`EdgeDifference`] | what is missing or too much, over the length wanted |
 //! | [`AngleRange`] | [`TipDifferences`] | radians outside |
-//! | [`Near`] | [`Vertex`] | distance |
+//! | [`Near`] a [`Surface`], a [`Curve`] or a point of its own | [`Vertex`] | distance |
+//! | [`Plane`], or one side of it | [`Vertex`] | distance |
+//! | [`Symmetric`] in a plane | [`Vertices`], two | by how much each is off |
+//!
+//! A vertex is fixed by [`Near::At`], hard; the border of a mesh slides along a [`Curve`] by [`Near::Shared`]. Every set is
+//! tested by the same laws: no other point of it is nearer, motions and scales change nothing, rows are derivatives that lead
+//! to the nearest point up to squares, and ADMM ends in it.
 
 mod angle;
 mod batch;
 mod boxes;
 mod cells;
+mod circle;
 mod complement;
+mod conical;
 mod curve;
 pub mod fairing;
 mod gather;
@@ -46,6 +59,8 @@ pub use angle::AngleRange;
 pub use batch::{Batch, Hold};
 pub use boxes::Hint;
 pub use cells::{Cells, CellsError};
+pub use circle::{BestCircle, Circle};
+pub use conical::Conical;
 pub use curve::Curve;
 pub use length::Length;
 pub use line::Line;

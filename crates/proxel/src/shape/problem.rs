@@ -2,7 +2,7 @@
 
 use super::finish::Constraints;
 use super::measure::edge_lengths;
-use super::reference::Surface;
+use super::reference::surface;
 use super::{ShapeError, ShapeInput, ShapeSettings};
 use proxel_mesh::{Mesh, Polygons};
 use proxel_model::constraint::{Batch, Cells, Closest, Hold, Near, Reduction, RowsOf, Set, V3, Vertex, fairing};
@@ -107,7 +107,7 @@ impl Shape {
         let reference = input.reference.as_ref().unwrap_or(mesh);
         check_faces(reference)?;
         let corners: Vec<V3> = reference.points.iter().map(own).collect();
-        let (surface, dropped) = Surface::new(&corners, &reference.faces.fan_triangles())
+        let (surface, dropped) = surface(&corners, &reference.faces.fan_triangles())
             .map_err(|e| ShapeError(format!("{}: {e}; give a reference surface with an extent", reference.name)))?;
         let mut warnings = Vec::new();
         if dropped > 0 {
