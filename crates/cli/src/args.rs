@@ -16,7 +16,7 @@ use crate::demo_unwrap::UNWRAP;
 use crate::geodesic::GeodesicArgs;
 use crate::refusal::Refusal;
 use crate::replay::ReplayArgs;
-use crate::shape::{PlanarizeArgs, WireArgs};
+use crate::shape::{PlanarizeArgs, RecipeArgs, WireArgs};
 use crate::simulate::{SchemaArgs, SimulateArgs};
 use crate::unwrap::UnwrapArgs;
 
@@ -36,6 +36,7 @@ Examples:
   proxel unwrap spot.obj --out spot-uv.obj              texture coordinates
   proxel planarize roof.obj --out flat.obj              planar faces, for panels of glass
   proxel wire net.obj --edge-length 0.02 --out w.obj    edges of one length, for wires
+  proxel shape recipe.toml --out shaped.obj             any constraints on any part of a mesh
   proxel simulate scene.toml --out run                  bodies in motion, for ParaView
   proxel geodesic bunny.obj --source 9689 --out distance.vtu
   proxel batch unwrap scans --out uv --jobs 8           all meshes in a folder
@@ -55,6 +56,8 @@ pub enum Command {
     Planarize(Box<PlanarizeArgs>),
     /// Give all edges of a mesh one length, and angles a range, near to a reference surface.
     Wire(Box<WireArgs>),
+    /// Bring a mesh under any constraints that a recipe lists.
+    Shape(Box<RecipeArgs>),
     /// Let bodies of a scene move: implicit dynamics with obstacles and hard strain limits.
     Simulate(Box<SimulateArgs>),
     /// Measure distances along a surface from some of its vertices.

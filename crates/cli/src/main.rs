@@ -52,6 +52,7 @@ fn main() -> ExitCode {
         Command::Geodesic(args) => geodesic::run(&args),
         Command::Planarize(args) => shape::planarize(&args),
         Command::Wire(args) => shape::wire(&args),
+        Command::Shape(args) => shape::recipe(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Schema(args) => simulate::schema(&args),

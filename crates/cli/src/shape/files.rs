@@ -7,9 +7,10 @@ use proxel::deform::{Hooks, Progress};
 use proxel::report::TraceRow;
 use proxel::shape::{Change, ShapeError, ShapeInput, Shaped};
 use proxel::split::Status;
-use proxel_mesh::{Fields, Mesh, not_carried, read_mesh_lenient, write_mesh};
+use proxel_mesh::{Fields, Mesh, not_carried, write_mesh};
 
-use super::{ShapeArgs, picture};
+use super::picture;
+use crate::args::SolveArgs;
 use crate::files::{Outputs, peak_bytes, write_report, write_trace};
 use crate::interrupt::{Interrupt, exit_status};
 use crate::progress::Bar;
@@ -18,16 +19,15 @@ use crate::refusal::Refusal;
 /// What shapes an input.
 type Solve<'a> = &'a mut dyn FnMut(&ShapeInput, &mut Hooks<'_>) -> Result<Shaped, ShapeError>;
 
-/// Reads, prepares the mesh, solves, writes.
+/// Reads, solves, writes.
 pub fn run(
-    args: &ShapeArgs,
-    prepare: &dyn Fn(Mesh) -> Result<Mesh, ShapeError>,
+    args: &SolveArgs,
+    read: &mut dyn FnMut() -> Result<ShapeInput, Refusal>,
     solve: Solve<'_>,
 ) -> Result<u8, Refusal> {
-    let common = &args.solve.run;
-    // Clap asks for both unless settings are shown.
-    let (Some(path), Some(out)) = (&args.mesh, &args.solve.out) else {
-        return Err(Refusal::new("MESH and --out are needed; see --help"));
+    let common = &args.run;
+    let Some(out) = &args.out else {
+        return Err(Refusal::new("--out is needed; see --help"));
     };
     Outputs::default()
         .mesh("--out", out)?
@@ -37,21 +37,13 @@ pub fn run(
         .check()?;
     let interrupt = Interrupt::listen()?;
     let began = Instant::now();
-    // What a file has that is no mesh to solve on is refused with the face it is about.
-    let read = read_mesh_lenient(path)?;
-    let reference = args.reference.as_deref().map(read_mesh_lenient).transpose()?;
-    let (reference, mesh) = match reference {
-        Some(reference) => (Some(reference), prepare(read)?),
-        // Near to the mesh as it comes, whatever is made of it first.
-        None => (Some(read.clone()), prepare(read)?),
-    };
-    let input = ShapeInput { mesh, reference };
+    let input = read()?;
     let read = began.elapsed().as_secs_f64();
     if let Some(n) = common.threads {
         // For what follows the solve. A pool that is there already is no harm.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(n).build_global();
     }
-    let bar = Bar::new(common.quiet, args.solve.max_iters);
+    let bar = Bar::new(common.quiet, args.max_iters);
     let mut rows: Vec<TraceRow> = Vec::new();
     let mut on_progress = |p: &Progress| bar.show(p);
     let mut on_row = |row: &TraceRow| rows.push(*row);
@@ -130,6 +122,10 @@ fn say(input: &Mesh, out: &Path, result: &Shaped, written: &[PathBuf]) -> Result
             ("mean distance from the reference", shape.reference_distance_mean),
         ];
         say!("{}", told.into_iter().filter_map(change).collect::<Vec<_>>().join(", "));
+        for c in &shape.constraints {
+            let (hard, max) = (if c.hard { "hard" } else { "soft" }, c.violation_max);
+            say!("{} ({hard}, {} elements): violation max {:.3e} -> {:.3e}", c.name, c.elements, max.before, max.after);
+        }
         for v in shape.violated.iter().take(3) {
             eprintln!(
                 "warning: {} {} (0-based), vertices {:?}, is off by {:.1e}",

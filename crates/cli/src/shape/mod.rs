@@ -1,19 +1,23 @@
-//! `proxel planarize` and `proxel wire`: meshes under geometric constraints.
+//! `proxel planarize`, `proxel wire` and `proxel shape`: meshes under geometric constraints.
 
 mod files;
 mod picture;
 mod planarize;
+mod recipe;
 mod wire;
 
 pub use planarize::{PlanarizeArgs, planarize};
+pub use recipe::{RecipeArgs, recipe};
 pub use wire::{WireArgs, wire};
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use proxel::shape::{ShapeMethod, ShapeSettings};
+use proxel::shape::{ShapeError, ShapeInput, ShapeMethod, ShapeSettings};
+use proxel_mesh::{Mesh, read_mesh_lenient};
 use std::path::PathBuf;
 
 use crate::args::SolveArgs;
+use crate::refusal::Refusal;
 
 /// What every command has that shapes a mesh.
 #[derive(Args)]
@@ -45,6 +49,21 @@ fn methods() -> PossibleValuesParser {
 }
 
 impl ShapeArgs {
+    /// The mesh, prepared, and what it is to be near to: without a reference the mesh as it comes.
+    fn read(&self, prepare: &dyn Fn(Mesh) -> Result<Mesh, ShapeError>) -> Result<ShapeInput, Refusal> {
+        // Clap asks for it unless settings are shown.
+        let Some(path) = &self.mesh else {
+            return Err(Refusal::new("MESH is needed; see --help"));
+        };
+        // What a file has that is no mesh to solve on is refused with the face it is about.
+        let mesh = read_mesh_lenient(path)?;
+        let reference = match &self.reference {
+            Some(path) => read_mesh_lenient(path)?,
+            None => mesh.clone(),
+        };
+        Ok(ShapeInput { mesh: prepare(mesh)?, reference: Some(reference) })
+    }
+
     /// Settings, with what is different between commands.
     fn settings(&self, mu: f64, fairing: f64) -> ShapeSettings {
         ShapeSettings {

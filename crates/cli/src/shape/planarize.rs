@@ -37,5 +37,5 @@ pub fn planarize(args: &PlanarizeArgs) -> Result<u8, Refusal> {
     if args.shape.solve.run.show_settings {
         return show_settings(&settings);
     }
-    files::run(&args.shape, &Ok, &mut |input, hooks| shaped(input, &settings, hooks))
+    files::run(&args.shape.solve, &mut || args.shape.read(&Ok), &mut |input, hooks| shaped(input, &settings, hooks))
 }

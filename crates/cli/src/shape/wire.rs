@@ -62,5 +62,6 @@ pub fn wire(args: &WireArgs) -> Result<u8, Refusal> {
         }
         Ok(mesh)
     };
-    files::run(&args.shape, &prepare, &mut |input, hooks| shaped(input, &settings, hooks))
+    let mut read = || args.shape.read(&prepare);
+    files::run(&args.shape.solve, &mut read, &mut |input, hooks| shaped(input, &settings, hooks))
 }

@@ -81,17 +81,7 @@ impl Fairing {
 /// The Laplacian L of [`form`](Stencils::form) times x - x~ holds the shape of before, which is then no part of the
 /// gradient.
 pub fn laplacian<'a>(n: usize, faces: impl Iterator<Item = &'a [u32]> + Clone) -> Stencils {
-    // At each corner the next vertex and the one before it: (vertex, next, before, face).
-    let mut wings: Vec<(u32, u32, u32, u32)> = Vec::new();
-    for (f, face) in faces.enumerate() {
-        for (k, v) in face.iter().enumerate() {
-            let (next, before) = (face[(k + 1) % face.len()], face[(k + face.len() - 1) % face.len()]);
-            if (*v as usize) < n {
-                wings.push((*v, next, before, f as u32));
-            }
-        }
-    }
-    wings.sort_unstable();
+    let wings = wings(n, faces);
     let mut out = Stencils::default();
     for around in wings.chunk_by(|a, b| a.0 == b.0) {
         let v = around[0].0;
@@ -118,6 +108,28 @@ pub fn laplacian<'a>(n: usize, faces: impl Iterator<Item = &'a [u32]> + Clone) -
         }
     }
     out
+}
+
+/// The inner vertices of four faces, each with its neighbours in their order around it, by vertex.
+pub fn rings_of_four<'a>(n: usize, faces: impl Iterator<Item = &'a [u32]>) -> Vec<[u32; 5]> {
+    let wings = wings(n, faces);
+    let closed = |around: &[(u32, u32, u32, u32)]| ring(around).map(|[a, b, c, d]| [around[0].0, a, b, c, d]);
+    wings.chunk_by(|a, b| a.0 == b.0).filter_map(closed).collect()
+}
+
+/// At each corner the next vertex and the one before it, by vertex: (vertex, next, before, face).
+fn wings<'a>(n: usize, faces: impl Iterator<Item = &'a [u32]>) -> Vec<(u32, u32, u32, u32)> {
+    let mut wings: Vec<(u32, u32, u32, u32)> = Vec::new();
+    for (f, face) in faces.enumerate() {
+        for (k, v) in face.iter().enumerate() {
+            let (next, before) = (face[(k + 1) % face.len()], face[(k + face.len() - 1) % face.len()]);
+            if (*v as usize) < n {
+                wings.push((*v, next, before, f as u32));
+            }
+        }
+    }
+    wings.sort_unstable();
+    wings
 }
 
 /// The neighbours of a vertex of four faces in their order around it, whichever way faces are oriented.

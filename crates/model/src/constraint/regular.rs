@@ -1,7 +1,7 @@
 //! Regular polygons.
 
 use super::complement::complement;
-use super::{Relation, Row, Set, V3, across, add, cross, dot, largest, norm, scale, sub};
+use super::{Relation, Row, Set, V3, across, add, largest, norm, scale, sub};
 use proxel_linalg::svd::{rotation_thin, svd32};
 
 /// Corners of a regular polygon of any size, in their order around it; it may lie anywhere and either way up.

@@ -46,8 +46,29 @@ pub struct ShapeReport {
     pub reference_distance_mean: Option<Change>,
     /// The shortest edge.
     pub shortest_edge: Option<Change>,
+    /// The constraints of a recipe, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub constraints: Vec<ConstraintReport>,
     /// Elements whose hard constraint is violated by more than 1e-9; the worst come first, ten at most.
     pub violated: Vec<Violated>,
+}
+
+/// A constraint of a recipe, before and after. Violations are distances over the mean edge, of lengths over the length
+/// wanted, of angles in degrees.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ConstraintReport {
+    /// What the recipe calls it, or its kind and number.
+    pub name: String,
+    /// Its kind.
+    pub kind: String,
+    /// Whether it is hard.
+    pub hard: bool,
+    /// Of how many vertices, edges, faces it is.
+    pub elements: usize,
+    /// The largest violation.
+    pub violation_max: Change,
+    /// The mean.
+    pub violation_mean: Change,
 }
 
 /// An element that is not as it is to be.

@@ -1,13 +1,14 @@
 //! Shapes under geometric constraints: A(29) for meshes.
 //!
 //! [`planarize`] moves the vertices of a mesh of polygons so that each face lies in a plane, near to a reference
-//! surface; [`wire`] so that all edges have one length, and angles stay within a range. Vertices and faces keep number
-//! and order. The mesh is centred and scaled by a power of two inside.
+//! surface; [`wire`] so that all edges have one length, and angles stay within a range; [`shape`] so that the constraints
+//! of a [`Recipe`] hold. Vertices and faces keep number and order. The mesh is centred and scaled by a power of two inside.
 
 mod finish;
 mod measure;
 mod planar;
 mod problem;
+mod recipe;
 mod reference;
 mod run;
 mod settings;
@@ -15,8 +16,12 @@ mod solve;
 mod subdivide;
 mod wire;
 
-pub use measure::{Change, ShapeReport, Violated, diagonals, edge_lengths, planarity};
+pub use measure::{Change, ConstraintReport, ShapeReport, Violated, diagonals, edge_lengths, planarity};
 pub use planar::planarize;
+pub use recipe::{
+    ConstraintSpec, Corners, EdgeSpec, FaceSpec, Kind, LengthName, LengthSpec, Recipe, RecipeFile, RecipeSolver,
+    Region, VertexSpec, recipe_schema, shape,
+};
 pub use settings::{ShapeMethod, ShapeSettings};
 pub use subdivide::subdivide;
 pub use wire::{WireSettings, wire};

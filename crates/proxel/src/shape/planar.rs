@@ -24,7 +24,7 @@ pub fn planarize(input: &ShapeInput, settings: &ShapeSettings, hooks: &mut Hooks
     settings.check().map_err(ShapeError)?;
     in_threads(settings.threads, |threads| {
         let shape = Shape::new(input)?;
-        let solved = solve(&shape, posed(&shape, settings)?, &input.mesh, settings, hooks, began)?;
+        let solved = solve(&shape, posed(&shape, settings)?, &[], &input.mesh, settings, hooks, began)?;
         let faces = &shape.faces;
         let off =
             |points: &[[f64; 3]]| planarity(points, faces).into_iter().map(|h| h / shape.mean_edge).collect::<Vec<_>>();

@@ -130,6 +130,18 @@ impl Shape {
         Ok(Shape { faces, surface, start, used, mean_edge, shortest, warnings, center, scale })
     }
 
+    /// Another surface in the same coordinates.
+    ///
+    /// # Errors
+    /// Faces that are none, and a surface without an area.
+    pub fn surface_of(&self, mesh: &Mesh) -> Result<Arc<dyn Closest>, ShapeError> {
+        check_faces(mesh)?;
+        let found = surface(&self.own(&mesh.points), &mesh.faces.fan_triangles());
+        let (surface, _) =
+            found.map_err(|e| ShapeError(format!("{}: {e}; give a surface with an extent", mesh.name)))?;
+        Ok(Arc::new(surface))
+    }
+
     /// From own coordinates to those of the user; vertices of no face as they came.
     pub fn positions(&self, x: &[f64], input: &Mesh) -> Vec<V3> {
         let of = |((x, used), point): ((&V3, &bool), &V3)| match used {

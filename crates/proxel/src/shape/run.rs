@@ -30,7 +30,8 @@ pub(super) struct Ended {
 
 /// The normalised combined residual without mu at which `auto` leaves the splitting.
 const SETTLED: f64 = 3e-5;
-/// The residual that is enough after [`PATIENCE`] iterations.
+/// The residual that is enough after [`PATIENCE`] iterations; after three times as many any is, since it will not fall:
+/// constraints may contradict each other.
 const ENOUGH: f64 = 1e-4;
 /// See [`ENOUGH`].
 const PATIENCE: usize = 1000;
@@ -138,7 +139,8 @@ struct Handover {
 impl Stop for Handover {
     fn check(&mut self, method: &mut dyn Method, report: &StepReport) -> Option<Verdict> {
         let residual = normalized(report.merit? / self.mu, method.problem().local_dim(), self.a);
-        let settled = residual <= SETTLED || (residual <= ENOUGH && report.iteration >= PATIENCE);
+        let it = report.iteration;
+        let settled = residual <= SETTLED || (residual <= ENOUGH && it >= PATIENCE) || it >= 3 * PATIENCE;
         settled.then(|| Verdict {
             status: Status::Stopped,
             reason: format!("combined residual {residual:.1e} after {} iterations of the splitting", report.iteration),

@@ -1,9 +1,11 @@
 //! Settings of the commands that shape a mesh, with their defaults.
 
+use super::recipe::RecipeSolver;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A method of `planarize` and `wire`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShapeMethod {
     /// Accelerated ADMM to a few digits, then Newton's method on the constraints.
@@ -72,6 +74,13 @@ impl ShapeSettings {
             time_limit: None,
             threads: None,
         }
+    }
+
+    /// Those of a recipe, which says itself what vertices are near to.
+    pub fn recipe() -> Self {
+        let solver = RecipeSolver::default();
+        let (method, mu, anderson) = (solver.method, solver.mu, solver.anderson);
+        ShapeSettings { method, mu, anderson, fairing: 0.0, ..ShapeSettings::planarize() }
     }
 
     /// Checks numbers that would make no sense.

@@ -8,6 +8,7 @@ use crate::deform::Hooks;
 use crate::report::{Report, Seconds};
 use proxel_mesh::Mesh;
 use proxel_model::constraint::V3;
+use proxel_split::Status;
 use std::time::Instant;
 
 /// What a report calls violated.
@@ -34,10 +35,11 @@ pub(super) fn in_threads<T: Send>(
     pool.install(|| work(threads))
 }
 
-/// Solves, and looks at what has come of it.
+/// Solves, and looks at what has come of it. Vertices in `fixed` are left where they are to the bit.
 pub(super) fn solve(
     shape: &Shape,
     posed: Posed,
+    fixed: &[u32],
     input: &Mesh,
     settings: &ShapeSettings,
     hooks: &mut Hooks<'_>,
@@ -45,7 +47,10 @@ pub(super) fn solve(
 ) -> Result<Solved, ShapeError> {
     let groups = posed.groups.clone();
     let ended = run::run(shape, posed, settings, hooks, began)?;
-    let positions = shape.positions(&ended.x, input);
+    let mut positions = shape.positions(&ended.x, input);
+    if ended.status == Status::Converged {
+        fixed.iter().for_each(|v| positions[*v as usize] = input.points[*v as usize]);
+    }
     let after = shape.own(&positions);
     let violated = measure::worst(groups.iter().filter(|g| g.hard).flat_map(|g| violations(g, shape, &after)));
     let unit = shape.mean_edge_of_user() / shape.mean_edge;

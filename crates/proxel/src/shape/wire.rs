@@ -71,7 +71,7 @@ pub fn wire(input: &ShapeInput, settings: &WireSettings, hooks: &mut Hooks<'_>) 
     settings.check().map_err(ShapeError)?;
     in_threads(settings.shape.threads, |threads| {
         let shape = Shape::new(input)?;
-        let solved = solve(&shape, posed(&shape, settings)?, &input.mesh, &settings.shape, hooks, began)?;
+        let solved = solve(&shape, posed(&shape, settings)?, &[], &input.mesh, &settings.shape, hooks, began)?;
         let of = |kind: &str, points: &[V3]| {
             let groups = solved.groups.iter().filter(|g| g.kind == kind);
             groups.flat_map(|g| sizes(g, &shape, points)).collect::<Vec<f64>>()
