@@ -7,7 +7,7 @@ use proxel_split::{
     Acceleration, Admm, Algorithm, Balancing, BuildError, Cycle, Extrapolation, History, Kind, Method, Order, vector,
 };
 
-const PAPER: [Algorithm; 4] = [Algorithm::One, Algorithm::Two, Algorithm::Three, Algorithm::Four];
+const PAPER: [Algorithm; 5] = [Algorithm::One, Algorithm::Two, Algorithm::TwoRaw, Algorithm::Three, Algorithm::Four];
 
 /// The plain iteration in the order of an algorithm.
 fn plain(law: Law, algorithm: Algorithm) -> Admm {
@@ -230,7 +230,7 @@ fn hard_sets_hold_in_the_order_that_allows_them() {
     let limited = Law { limits: Some((0.95, 1.05)), ..SMOOTH };
     let mut exact = admm(problem(limited, true)).with_cycle(Cycle { order: Order::Zxu, relaxation: 1.0 }).expect("ok");
     run(&mut exact, 4000);
-    for algorithm in [Algorithm::Two, Algorithm::Four] {
+    for algorithm in [Algorithm::Two, Algorithm::TwoRaw, Algorithm::Four] {
         let mut method = accelerated(limited, Acceleration::anderson(algorithm, 6));
         run(&mut *method, 600);
         let apart = method.x().iter().zip(exact.x()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

@@ -1,8 +1,8 @@
 //! From a description to a method.
 
 use super::{
-    Accelerated, BuildError, Carrier, CombinedResidual, CombinedResidualZxu, DualAlone, Envelope, ForwardResidual,
-    ForwardResidualZxu, History, LocalAlone,
+    Accelerated, BuildError, Carrier, CombinedResidual, CombinedResidualRaw, CombinedResidualZxu, DualAlone, Envelope,
+    ForwardResidual, ForwardResidualZxu, History, LocalAlone,
 };
 use crate::accelerator::{Accelerator, Anderson, Kind, Momentum, Unaccelerated};
 use crate::{Admm, Cycle, Method, Order};
@@ -15,6 +15,8 @@ pub enum Algorithm {
     One,
     /// A, Algorithm 2: x and u, z-x-u.
     Two,
+    /// The same with x and u as they are: least squares in the Euclidean metric, as A's implementation has them.
+    TwoRaw,
     /// A, Algorithm 3: z, x-z-u.
     Three,
     /// A, Algorithm 4: u, z-x-u.
@@ -31,7 +33,7 @@ impl Algorithm {
     /// The order of its steps.
     pub fn order(self) -> Order {
         match self {
-            Algorithm::Two | Algorithm::Four => Order::Zxu,
+            Algorithm::Two | Algorithm::TwoRaw | Algorithm::Four => Order::Zxu,
             _ => Order::Xzu,
         }
     }
@@ -148,6 +150,7 @@ impl Acceleration {
         match self.algorithm {
             Algorithm::One => parts.assemble::<CombinedResidual>(),
             Algorithm::Two => parts.assemble::<CombinedResidualZxu>(),
+            Algorithm::TwoRaw => parts.assemble::<CombinedResidualRaw>(),
             Algorithm::Three => parts.assemble::<ForwardResidual>(),
             Algorithm::Four => parts.assemble::<ForwardResidualZxu>(),
             Algorithm::LocalAlone => parts.assemble::<LocalAlone>(),
