@@ -168,7 +168,8 @@ fn batches() -> Vec<(Box<dyn Term>, usize)> {
         (Box::new(Batch::new(quads, Hold::Soft(3.0))), 24),
         (Box::new(Batch::new(edges, Hold::Hard(2.0))), 9),
         (Box::new(Batch::new(angles, Hold::Hard(0.5))), 12),
-        (Box::new(Batch::new(near, Hold::Soft(0.7))), 9),
+        (Box::new(Batch::new(near.clone(), Hold::Soft(0.7))), 9),
+        (Box::new(Batch::new(near, Hold::Split { weight: 0.7, mu: 2.5 })), 9),
     ]
 }
 
@@ -178,8 +179,9 @@ fn terms_are_what_they_say() {
     let x: Vec<f64> = (0..18).map(|_| random.uniform(-1.0, 1.0)).collect();
     for (mut term, len) in batches() {
         assert_eq!(term.local_len(), len);
-        let soft = !term.has_dual();
-        assert_eq!(term.is_hard(), !soft);
+        let valued = term.energy(&x, None).value > 0.0;
+        assert_eq!(term.is_hard(), !valued);
+        assert!(term.has_dual() || valued);
         let p: Vec<f64> = (0..len).map(|_| random.uniform(-1.0, 1.0)).collect();
         // The gradient of the penalty, and of the energy of soft sets, by differences.
         let mut grad = vec![0.0; 18];
@@ -293,4 +295,41 @@ fn elements_that_fit_no_set_are_refused() {
     assert!(Cells::<EdgeDifference, _>::new(vec![0, 1, 2], 2, Length::equal(1.0)).is_err());
     assert!(Cells::<TipDifferences, _>::new(vec![0, 1], 2, AngleRange { low: 0.0, high: 1.0 }).is_err());
     assert!(Cells::<MeanCentred, _>::new(vec![], 0, Planar).is_err());
+}
+
+/// Slow twin: the prox of w/2 dist^2 by search, for a surface that is not flat.
+#[test]
+fn a_soft_set_with_a_dual_has_the_prox_of_its_distance() {
+    let (weight, mu) = (0.7, 2.5);
+    let near = Cells::<Vertex, _>::new(vec![0, 1], 1, Near::Shared(Arc::new(Ball))).unwrap();
+    let mut term = Batch::new(Arc::new(near), Hold::Split { weight, mu });
+    let mut random = SplitMix::new(3);
+    let x: Vec<f64> = (0..6).map(|_| random.uniform(-2.0, 2.0)).collect();
+    let u0: Vec<f64> = (0..6).map(|_| random.uniform(-0.3, 0.3)).collect();
+    let (mut p, mut u, mut grad) = (x.clone(), u0.clone(), vec![0.0; 6]);
+    let report = term.cycle_step(&Cycle::PLAIN, &x, &mut p, &mut u, &mut grad);
+    let mut sum = 0.0;
+    for k in 0..2 {
+        let at = |v: &[f64]| [v[3 * k], v[3 * k + 1], v[3 * k + 2]];
+        let (v, z) = (add(at(&x), 1.0, at(&u0)), add(at(&p), 1.0, at(&u)));
+        let value = |z: V3| {
+            let off = norm(sub(z, Ball.closest(z)));
+            0.5 * weight * off * off
+        };
+        let whole = |z: V3| value(z) + 0.5 * mu * dot(sub(z, v), sub(z, v));
+        for spread in [1.0, 0.1, 1e-2, 1e-3] {
+            for _ in 0..100 {
+                let other = add(z, spread, random.array(-1.0, 1.0));
+                assert!(whole(other) > whole(z) - 1e-12, "{other:?} is better than {z:?}");
+            }
+        }
+        sum += value(z);
+    }
+    assert!((report.value_after - sum).abs() < 1e-13 && sum > 0.0, "{} {sum}", report.value_after);
+    // The objective of x is that of the soft set without a dual.
+    let near = Cells::<Vertex, _>::new(vec![0, 1], 1, Near::Shared(Arc::new(Ball))).unwrap();
+    let mut plain = Batch::new(Arc::new(near), Hold::Soft(weight));
+    let (mut a, mut b) = (vec![0.0; 6], vec![0.0; 6]);
+    let (with, without) = (term.energy(&x, Some(&mut a)), plain.energy(&x, Some(&mut b)));
+    assert_eq!((with.value, a), (without.value, b));
 }

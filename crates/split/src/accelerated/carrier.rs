@@ -17,6 +17,8 @@ pub enum Extrapolated {
     All,
     /// x and u; z is that of the last local step.
     PositionsAndDual,
+    /// x alone; z and u are those of the last local step.
+    Positions,
     /// z alone.
     Local,
 }

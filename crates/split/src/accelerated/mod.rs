@@ -10,6 +10,8 @@
 //! | [`ForwardResidualZxu`] | z-x-u | u, x by A(23) | forward residual A(24) | A, Algorithm 4 |
 //! | [`LocalAlone`], [`DualAlone`] | x-z-u | z or u, the rest rides along | forward residual A(22) | A, appendix E |
 //! | [`Envelope`] | x-z-u | s = c(Dx) + u of the Douglas-Rachford iteration | envelope | Ouyang et al. 2020 |
+//! | [`Reflection`] | x-z-u | the same | primal residual | their implementation |
+//! | [`Alternation`] | z-x-u without duals | x | objective | Peng et al. 2018 |
 //!
 //! Accelerators are [`Anderson`] of both types, [`Momentum`] and [`Unaccelerated`]. The first carrier works with any
 //! coupling, so it accelerates R-ADMM and WRAPD too.
@@ -21,6 +23,7 @@ use crate::{
 };
 
 mod account;
+mod alternation;
 mod carrier;
 mod envelope;
 mod error;
@@ -32,8 +35,9 @@ mod settings;
 mod single;
 
 pub use account::Account;
+pub use alternation::Alternation;
 pub use carrier::{Carrier, Extrapolated, Sense};
-pub use envelope::Envelope;
+pub use envelope::{Envelope, Reflection};
 pub use error::BuildError;
 pub use pair::{CombinedResidual, CombinedResidualZxu};
 pub use raw::CombinedResidualRaw;

@@ -1,8 +1,8 @@
 //! From a description to a method.
 
 use super::{
-    Accelerated, BuildError, Carrier, CombinedResidual, CombinedResidualRaw, CombinedResidualZxu, DualAlone, Envelope,
-    ForwardResidual, ForwardResidualZxu, History, LocalAlone,
+    Accelerated, Alternation, BuildError, Carrier, CombinedResidual, CombinedResidualRaw, CombinedResidualZxu,
+    DualAlone, Envelope, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Reflection,
 };
 use crate::accelerator::{Accelerator, Anderson, Kind, Momentum, Unaccelerated};
 use crate::{Admm, Cycle, Method, Order};
@@ -27,13 +27,17 @@ pub enum Algorithm {
     DualAlone,
     /// Douglas-Rachford: Ouyang et al. 2020.
     Envelope,
+    /// The same, judged by the primal residual.
+    Reflection,
+    /// Nearest points and a solve in turns, without duals: Peng et al. 2018 on Bouaziz et al. 2012.
+    Alternation,
 }
 
 impl Algorithm {
     /// The order of its steps.
     pub fn order(self) -> Order {
         match self {
-            Algorithm::Two | Algorithm::TwoRaw | Algorithm::Four => Order::Zxu,
+            Algorithm::Two | Algorithm::TwoRaw | Algorithm::Four | Algorithm::Alternation => Order::Zxu,
             _ => Order::Xzu,
         }
     }
@@ -156,6 +160,8 @@ impl Acceleration {
             Algorithm::LocalAlone => parts.assemble::<LocalAlone>(),
             Algorithm::DualAlone => parts.assemble::<DualAlone>(),
             Algorithm::Envelope => parts.assemble::<Envelope>(),
+            Algorithm::Reflection => parts.assemble::<Reflection>(),
+            Algorithm::Alternation => parts.assemble::<Alternation>(),
         }
     }
 }
