@@ -13,6 +13,7 @@ mod run;
 mod settings;
 mod solve;
 mod subdivide;
+mod ways;
 mod wire;
 
 pub use measure::{Change, ShapeReport, Violated, diagonals, edge_lengths, planarity};
