@@ -4,8 +4,8 @@ use super::{ShapeMethod, ShapeSettings};
 use proxel_model::constraint::Hold;
 use proxel_split::{Acceleration, Admm, Algorithm, BuildError, Cycle, Extrapolation, History, Method, Order};
 
-/// Updates of z and x in turns that `alm` makes before each of u: "multiple" in the text. On the meshes of Figure 9 the
-/// residual after so many solves is hardly another with 3 or 10.
+/// Updates of z and x in turns that `alm` makes before each of u: the text says "multiple". On costa, Figure 1, a thousand
+/// solves lead to a residual of 1.8e-4 so, and to one of 2.1e-4 in ADMM.
 const ALTERNATIONS: usize = 5;
 
 /// A method and its penalty, as far as the terms of a problem depend on them.
