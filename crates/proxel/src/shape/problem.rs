@@ -29,7 +29,7 @@ pub(super) struct Posed {
     pub problem: Problem,
     pub constraints: Constraints, // the hard ones
     pub groups: Vec<Group>,       // all that a report tells of
-    way: Way,                     // what the method makes of hard and soft
+    pub way: Way,                 // what the method makes of hard and soft
 }
 
 /// In what violations are counted.
