@@ -28,14 +28,14 @@ pub struct ShapeArgs {
     /// The surface that vertices are to be near to, open or closed; without it the mesh as it comes.
     #[arg(long, value_name = "REF")]
     pub reference: Option<PathBuf>,
-    /// Weight of the squared distance of each vertex from the reference.
+    /// Weight of the squared distance of each vertex from the reference [default: 1; planarize --method shapeup: 10]
     #[arg(long, value_name = "W", allow_negative_numbers = true)]
-    #[arg(default_value_t = ShapeSettings::planarize().closeness)]
-    pub closeness: f64,
+    pub closeness: Option<f64>,
     #[command(flatten)]
     pub solve: SolveArgs,
     /// auto: accelerated ADMM, then Gauss-Newton until constraints hold to 1e-10; aa-admm: Algorithm 2 of Zhang et al.
-    /// 2019; admm: the iteration as it is.
+    /// 2019; admm: the iteration as it is; alm: an augmented Lagrangian, Deng et al. 2015; aadr: Douglas-Rachford, Ouyang
+    /// et al. 2020; shapeup: constraints by a penalty, Bouaziz et al. 2012, Peng et al. 2018.
     #[arg(long, value_name = "NAME", value_parser = methods(), help_heading = "Method")]
     #[arg(default_value = ShapeMethod::default().as_str())]
     pub method: String,
@@ -64,14 +64,19 @@ impl ShapeArgs {
         Ok(ShapeInput { mesh: prepare(mesh)?, reference: Some(reference) })
     }
 
-    /// Settings, with what is different between commands.
-    fn settings(&self, mu: f64, fairing: f64) -> ShapeSettings {
+    /// The method that is asked for.
+    fn method(&self) -> ShapeMethod {
+        ShapeMethod::from_name(&self.method).unwrap_or_default() // clap lets no other through
+    }
+
+    /// The defaults of a command and method, and what was given.
+    fn settings(&self, base: ShapeSettings, mu: Option<f64>, fairing: Option<f64>) -> ShapeSettings {
         ShapeSettings {
-            method: ShapeMethod::from_name(&self.method).unwrap_or_default(), // clap lets no other through
-            mu,
+            method: base.method,
+            mu: mu.unwrap_or(base.mu),
             anderson: self.anderson,
-            closeness: self.closeness,
-            fairing,
+            closeness: self.closeness.unwrap_or(base.closeness),
+            fairing: fairing.unwrap_or(base.fairing),
             tol: self.solve.tol,
             max_iters: self.solve.max_iters,
             time_limit: self.solve.run.time_limit,

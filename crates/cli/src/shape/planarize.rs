@@ -21,18 +21,19 @@ auto keeps every edge at half of the shortest of the input or more.")]
 pub struct PlanarizeArgs {
     #[command(flatten)]
     pub shape: ShapeArgs,
-    /// Weight of relative Laplacian fairing: how much vertices stay as they are among their neighbours.
-    #[arg(long, value_name = "W", default_value_t = ShapeSettings::planarize().fairing, allow_negative_numbers = true)]
-    pub fairing: f64,
-    /// Penalty of planarity in the splitting.
+    /// Weight of relative Laplacian fairing: how much vertices stay as they are among their neighbours [default: 0.1;
+    /// shapeup: 10]
+    #[arg(long, value_name = "W", allow_negative_numbers = true)]
+    pub fairing: Option<f64>,
+    /// Penalty of planarity [default: 1e5; shapeup: 150]
     #[arg(long, value_name = "MU", allow_negative_numbers = true, help_heading = "Method")]
-    #[arg(default_value_t = ShapeSettings::planarize().mu)]
-    pub mu: f64,
+    pub mu: Option<f64>,
 }
 
 /// Reads, solves, writes.
 pub fn planarize(args: &PlanarizeArgs) -> Result<u8, Refusal> {
-    let settings = args.shape.settings(args.mu, args.fairing);
+    let base = ShapeSettings::planarize_by(args.shape.method());
+    let settings = args.shape.settings(base, args.mu, args.fairing);
     settings.check().map_err(Refusal::new)?;
     if args.shape.solve.run.show_settings {
         return show_settings(&settings);

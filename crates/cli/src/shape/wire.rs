@@ -37,20 +37,20 @@ pub struct WireArgs {
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1")]
     #[arg(default_value_t = WireSettings::default().subdivide)]
     pub subdivide: usize,
-    /// Penalty of edges and angles in the splitting.
+    /// Penalty of edges and angles [default: 1000; aadr: 10000; shapeup: 100]
     #[arg(long, value_name = "MU", allow_negative_numbers = true, help_heading = "Method")]
-    #[arg(default_value_t = WireSettings::default().shape.mu)]
-    pub mu: f64,
+    pub mu: Option<f64>,
 }
 
 /// Reads, solves, writes.
 pub fn wire(args: &WireArgs) -> Result<u8, Refusal> {
+    let base = WireSettings::by(args.shape.method()).shape;
     let settings = WireSettings {
         edge_length: args.edge_length,
         min_angle: args.min_angle,
         max_angle: args.max_angle,
         subdivide: args.subdivide,
-        shape: args.shape.settings(args.mu, WireSettings::default().shape.fairing),
+        shape: args.shape.settings(base, args.mu, None),
     };
     settings.check().map_err(Refusal::new)?;
     if args.shape.solve.run.show_settings {

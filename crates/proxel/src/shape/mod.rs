@@ -14,6 +14,7 @@ mod run;
 mod settings;
 mod solve;
 mod subdivide;
+mod ways;
 mod wire;
 
 pub use measure::{Change, ConstraintReport, ShapeReport, Violated, diagonals, edge_lengths, planarity};

@@ -3,6 +3,7 @@
 use super::finish::Constraints;
 use super::measure::edge_lengths;
 use super::reference::surface;
+use super::ways::Way;
 use super::{ShapeError, ShapeInput, ShapeSettings};
 use proxel_mesh::{Mesh, Polygons};
 use proxel_model::constraint::{Batch, Cells, Closest, Hold, Near, Reduction, RowsOf, Set, V3, Vertex, fairing};
@@ -28,6 +29,7 @@ pub(super) struct Posed {
     pub problem: Problem,
     pub constraints: Constraints, // the hard ones
     pub groups: Vec<Group>,       // all that a report tells of
+    pub way: Way,                 // what the method makes of hard and soft
 }
 
 /// In what violations are counted.
@@ -177,10 +179,10 @@ impl Shape {
 
     /// Soft: closeness to the reference, and fairing; hard: nothing yet.
     pub fn posed(&self, settings: &ShapeSettings) -> Result<Posed, ShapeError> {
-        let n = self.start.len();
+        let (n, way) = (self.start.len(), Way::of(settings));
         let nodes: Vec<u32> = (0..n as u32).filter(|v| self.used[*v as usize]).collect();
         let near = Cells::<Vertex, _>::new(nodes, 1, Near::Shared(self.surface.clone()))?;
-        let near: Box<dyn Term> = Box::new(Batch::new(Arc::new(near), Hold::Soft(settings.closeness)));
+        let near: Box<dyn Term> = Box::new(Batch::new(Arc::new(near), way.hold(Hold::Soft(settings.closeness))));
         let mut quadratic = Quadratic::default();
         let stencils = fairing::laplacian(n, self.faces.iter());
         if settings.fairing > 0.0 && !stencils.is_empty() {
@@ -188,7 +190,7 @@ impl Shape {
         }
         let loose = (0..n as u32).filter(|v| !self.used[*v as usize]);
         quadratic.springs = loose.map(|v| (v, settings.closeness, self.start[v as usize])).collect();
-        Ok(Posed::new(self.start.as_flattened().to_vec(), vec![near], quadratic))
+        Ok(Posed { way, ..Posed::new(self.start.as_flattened().to_vec(), vec![near], quadratic) })
     }
 }
 
@@ -206,7 +208,7 @@ impl Posed {
     pub fn new(x0: Vec<f64>, terms: Vec<Box<dyn Term>>, quadratic: Quadratic) -> Self {
         let n_free = x0.len() / 3;
         let problem = Problem { dim: 3, n_free, x0, terms, quadratic, barrier: false };
-        Posed { problem, constraints: Vec::new(), groups: Vec::new() }
+        Posed { problem, constraints: Vec::new(), groups: Vec::new(), way: Way::default() }
     }
 
     /// Adds elements under a set.
@@ -216,7 +218,7 @@ impl Posed {
         }
         let cells = Arc::new(cells);
         let hard = matches!(demand.hold, Hold::Hard(_));
-        self.problem.terms.push(Box::new(Batch::new(cells.clone(), demand.hold)));
+        self.problem.terms.push(Box::new(Batch::new(cells.clone(), self.way.hold(demand.hold))));
         if hard {
             self.constraints.push(cells.clone());
         }

@@ -3,7 +3,7 @@
 use super::measure::{self, ShapeReport, changes};
 use super::problem::{Demand, Posed, Shape, Unit};
 use super::solve::{Solved, in_threads, report, sizes, solve};
-use super::{FaceErrors, ShapeError, ShapeInput, ShapeSettings, Shaped};
+use super::{FaceErrors, ShapeError, ShapeInput, ShapeMethod, ShapeSettings, Shaped};
 use crate::deform::Hooks;
 use proxel_mesh::topology::{face_edges, polygon_edges};
 use proxel_model::constraint::{AngleRange, Cells, EdgeDifference, Length, TipDifferences, V3};
@@ -40,6 +40,17 @@ impl Default for WireSettings {
 }
 
 impl WireSettings {
+    /// The defaults for a method: penalties of the implementations of Ouyang et al. 2020 and Peng et al. 2018.
+    pub fn by(method: ShapeMethod) -> Self {
+        let base = Self::default();
+        let mu = match method {
+            ShapeMethod::Aadr => 1e4,
+            ShapeMethod::Shapeup => 100.0,
+            _ => base.shape.mu,
+        };
+        WireSettings { shape: ShapeSettings { method, mu, ..base.shape }, ..base }
+    }
+
     /// Checks numbers that would make no sense.
     ///
     /// # Errors

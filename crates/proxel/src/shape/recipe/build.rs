@@ -3,6 +3,7 @@
 use super::super::measure::{self, ConstraintReport, changes};
 use super::super::problem::{Demand, Posed, Shape, Unit, hold_shape};
 use super::super::solve::{Solved, in_threads, report, sizes, solve};
+use super::super::ways::Way;
 use super::super::{FaceErrors, ShapeError, ShapeInput, ShapeSettings, Shaped};
 use super::check::place;
 use super::select::Selector;
@@ -37,7 +38,7 @@ pub fn shape(
     super::check::check(recipe).map_err(|(place, what)| ShapeError(format!("{place}: {what}")))?;
     in_threads(settings.threads, |threads| {
         let frame = Shape::new(input)?;
-        let builder = Builder { recipe, frame: &frame, mesh: &input.mesh, others, mu: settings.mu };
+        let builder = Builder { recipe, frame: &frame, mesh: &input.mesh, others, settings };
         let (posed, fixed) = builder.posed()?;
         let solved = solve(&frame, posed, &fixed, &input.mesh, settings, hooks, began)?;
         let told = |name: &str| {
@@ -91,7 +92,7 @@ struct Builder<'a> {
     frame: &'a Shape,
     mesh: &'a Mesh,
     others: &'a BTreeMap<String, Mesh>,
-    mu: f64,
+    settings: &'a ShapeSettings,
 }
 
 /// What is added to, and what a constraint is about.
@@ -139,9 +140,10 @@ impl Builder<'_> {
         let springs = springs.map(|v| (v as u32, if used[v] { stay } else { 1.0 }, start[v])).collect();
         let quadratic = Quadratic { springs, ..Quadratic::default() };
         let mut posed = Posed::new(start.as_flattened().to_vec(), Vec::new(), quadratic);
+        posed.way = Way::of(self.settings);
         let (mut forms, mut fixed) = (Vec::new(), Vec::new());
         for (i, c) in self.recipe.constraints.iter().enumerate() {
-            let hold = c.weight.map_or(Hold::Hard(self.mu), Hold::Soft);
+            let hold = c.weight.map_or(Hold::Hard(self.settings.mu), Hold::Soft);
             let mut adding = Adding {
                 posed: &mut posed,
                 forms: &mut forms,
