@@ -92,11 +92,13 @@ impl<R: Reduction, S: Set> Cells<R, S> {
         for e in 0..self.len() {
             let nodes = self.element(e);
             R::reduce(x, nodes, &mut v);
+            let mut which = 0;
             self.set.linearize(e, &v, near, &mut |row: Row<'_>| {
                 spread[..row.gradient.len()].copy_from_slice(row.gradient);
                 spread[row.gradient.len()..].fill([0.0; 3]);
                 R::spread(&mut spread);
-                out.push(nodes, &spread, row.value, row.relation);
+                out.push((e as u32, which), nodes, &spread, row.value, row.relation);
+                which += 1;
             });
         }
     }

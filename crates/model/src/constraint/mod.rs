@@ -70,7 +70,7 @@ pub use plane::{Plane, PlaneError, Symmetric};
 pub use quads::{Parallelogram, Rectangle};
 pub use reduction::{EdgeDifference, MeanCentred, Reduction, Spokes, TipDifferences, Vertex, Vertices};
 pub use regular::{RegularPolygon, TooFewCorners};
-pub use rows::{Relation, Row, Rows, RowsOf};
+pub use rows::{Relation, Row, RowKey, Rows, RowsOf};
 pub use surface::{ShapeIndexError, Surface};
 pub use template::{Rigid, Similar, Template, TemplateError};
 

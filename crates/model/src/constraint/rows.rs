@@ -30,7 +30,13 @@ pub struct Rows {
     gradients: Vec<V3>,
     values: Vec<f64>,
     relations: Vec<Relation>,
+    keys: Vec<RowKey>,
+    group: u32,
 }
+
+/// Where a row comes from: the group, the element in it, and which of the rows that the element has at the time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RowKey(u32, u32, u32);
 
 impl Rows {
     /// Number of rows.
@@ -50,10 +56,30 @@ impl Rows {
         self.gradients.clear();
         self.values.clear();
         self.relations.clear();
+        self.keys.clear();
+        self.group = 0;
     }
 
-    /// Adds a row.
-    pub fn push(&mut self, nodes: &[u32], gradient: &[V3], value: f64, relation: Relation) {
+    /// Rows from here on are of another group of elements.
+    pub fn next_group(&mut self) {
+        self.group += 1;
+    }
+
+    /// Where each row comes from, ascending where elements are added in their order.
+    pub fn keys(&self) -> &[RowKey] {
+        &self.keys
+    }
+
+    /// Adds row `which` of `element`.
+    pub fn push(
+        &mut self,
+        (element, which): (u32, u32),
+        nodes: &[u32],
+        gradient: &[V3],
+        value: f64,
+        relation: Relation,
+    ) {
+        self.keys.push(RowKey(self.group, element, which));
         if self.starts.is_empty() {
             self.starts.push(0);
         }

@@ -1,7 +1,7 @@
 //! The finish of a constrained shape: a few steps along the hard sets, then Gauss-Newton steps to them.
 
 use proxel_linalg::sparse::{BlockMatrix, Cholesky, Ordering, SolveScratch, SparseError, SymPattern, Symbolic};
-use proxel_model::constraint::{Relation, Rows, RowsOf};
+use proxel_model::constraint::{Relation, RowKey, Rows, RowsOf};
 use proxel_split::{
     EnergyReport, Evaluation, LocalReport, Method, Problem, Residuals, StepReport, SystemError, Trial, vector,
 };
@@ -30,6 +30,7 @@ pub(super) struct Finish {
     x: Vec<f64>,
     rows: Rows,
     multipliers: Vec<f64>,
+    pushed: Vec<RowKey>, // inequalities that were active in the last step, ascending
     pattern: SymPattern,
     matrix: BlockMatrix,
     factor: Cholesky<f64>,
@@ -64,7 +65,7 @@ const AWAY: f64 = 0.2;
 /// An inequality that a step would break by less than this part of the present violation is left to the next step.
 const SLIGHT: f64 = 1e-2;
 /// Factors a step for which inequalities are active, at most; what is left is the next step's.
-const PASSES: usize = 4;
+const PASSES: usize = 3;
 
 fn broken(e: SparseError) -> SystemError {
     SystemError::Factor(e.to_string())
@@ -116,6 +117,7 @@ impl Finish {
             x,
             rows: Rows::default(),
             multipliers: Vec::new(),
+            pushed: Vec::new(),
             pattern,
             hessian,
             damping: 0.0,
@@ -203,7 +205,9 @@ impl Finish {
         let may_rest = |rows: &Rows, r: usize| rows.relations()[r] == Relation::NotAbove && rows.values()[r] <= NEAR;
         // Of those at their bound to rounding a step shows whether they are in its way. Taken for equations at once they may
         // ask for what cannot be: opposite angles of a rhombus at both ends of 45 to 135 degrees hold only if it is flat.
-        let mut active: Vec<bool> = (0..n).map(|r| !may_rest(&self.rows, r)).collect();
+        // Those that were in the way of the step before come first.
+        let known = |r: usize| self.pushed.binary_search(&self.rows.keys()[r]).is_ok();
+        let mut active: Vec<bool> = (0..n).map(|r| !may_rest(&self.rows, r) || known(r)).collect();
         let breaking = NEAR.max(SLIGHT * self.violation);
         let mut pass = 0;
         loop {
@@ -222,6 +226,8 @@ impl Finish {
                 }
             }
             if changed == 0 || pass >= PASSES {
+                let inequality = |r: &usize| active[*r] && self.rows.relations()[*r] == Relation::NotAbove;
+                self.pushed = (0..n).filter(inequality).map(|r| self.rows.keys()[r]).collect();
                 return Ok(d);
             }
         }
@@ -236,7 +242,10 @@ impl Method for Finish {
     fn step(&mut self) -> Result<StepReport, SystemError> {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
-        self.constraints.iter().for_each(|c| c.add_rows(self.x.as_chunks::<3>().0, AWAY, &mut rows));
+        for c in &self.constraints {
+            c.add_rows(self.x.as_chunks::<3>().0, AWAY, &mut rows);
+            rows.next_group();
+        }
         self.rows = rows;
         let (descends, mut rejected) = (self.descents > 0, 0);
         let mut g = vec![0.0; 3 * self.problem.n_free];
