@@ -205,8 +205,9 @@ impl BestCircle {
             let next = circle.moved(step.map(|s| -s));
             let there = next.sum(v, inverse);
             let size = step.iter().fold(0.0_f64, |m, s| m.max(s.abs()));
-            // Next to the minimum the sum is flat to rounding, while steps still shrink.
-            let flat = there <= sum * (1.0 + 8.0 * f64::EPSILON) && size < 0.9 * last;
+            // Next to the minimum the sum is flat to rounding, that of distances of about 1, while steps still shrink.
+            let rounding = 16.0 * f64::EPSILON * (v.len() as f64 * sum).sqrt();
+            let flat = there <= sum + rounding && size < 0.9 * last;
             if there < sum || flat {
                 (circle, sum, last) = (next, there, size);
                 damping = if damping > 1e-6 { 0.1 * damping } else { 0.0 };
