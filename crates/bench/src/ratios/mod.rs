@@ -1,5 +1,6 @@
 //! Speed and memory as ratios within one run, beside the thresholds that were set for them.
 
+mod closest;
 mod decompositions;
 mod growth;
 mod iteration;
@@ -90,6 +91,8 @@ pub fn table(rows: &[Row]) -> String {
 pub fn measure(repeats: usize, tell: &mut dyn FnMut(&str)) -> Result<Vec<Row>, BenchError> {
     tell("decompositions");
     let mut rows = decompositions::rows(repeats)?;
+    tell("nearest points");
+    rows.extend(closest::rows(repeats)?);
     let model = centaur_or_beam()?;
     tell(&format!("{}: an iteration and its parts", model.name));
     rows.extend(iteration::rows(&model, repeats)?);

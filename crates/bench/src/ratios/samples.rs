@@ -15,6 +15,11 @@ impl Samples {
         out
     }
 
+    /// Takes those of another.
+    pub fn append(&mut self, mut other: Samples) {
+        self.0.append(&mut other.0);
+    }
+
     /// The least; infinite of nothing.
     pub fn least(&self) -> f64 {
         self.0.iter().copied().fold(f64::INFINITY, f64::min)

@@ -14,7 +14,7 @@ pub(super) trait Item: Copy + Send + Sync {
 /// Children of a node.
 const WIDTH: usize = 4;
 /// Items of a leaf, at most.
-const LEAF: usize = 4;
+const LEAF: usize = 2;
 /// Entries of the stack: a binary tree over u32 items that is halved each time has 32 levels, a node of [`WIDTH`] takes two of
 /// them and leaves at most three children behind.
 const STACK: usize = 64;

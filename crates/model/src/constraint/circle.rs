@@ -95,7 +95,8 @@ impl BestCircle {
         let middle = [0.5 * (yy * rx - xy * ry) / det, 0.5 * (xx * ry - xy * rx) / det];
         let radius = ((xx + yy) / k + middle[0].powi(2) + middle[1].powi(2)).sqrt();
         // A radius of more than the inverse of the precision is none.
-        if !(radius < 1.0 / f64::EPSILON) {
+        let is_round = radius < 1.0 / f64::EPSILON;
+        if !is_round {
             return line;
         }
         let middle = add(scale(middle[0], along[0]), middle[1], along[1]);
@@ -205,15 +206,17 @@ impl BestCircle {
             let next = circle.moved(step.map(|s| -s));
             let there = next.sum(v, inverse);
             let size = step.iter().fold(0.0_f64, |m, s| m.max(s.abs()));
-            // Next to the minimum the sum is flat to rounding, while steps still shrink.
-            let flat = there <= sum * (1.0 + 8.0 * f64::EPSILON) && size < 0.9 * last;
+            // Next to the minimum the sum is flat to rounding, that of distances of about 1, while steps still shrink.
+            let rounding = 16.0 * f64::EPSILON * (v.len() as f64 * sum).sqrt();
+            let flat = there <= sum + rounding && size < 0.9 * last;
             if there < sum || flat {
                 (circle, sum, last) = (next, there, size);
                 damping = if damping > 1e-6 { 0.1 * damping } else { 0.0 };
             } else {
                 damping = (10.0 * damping).max(1e-3);
             }
-            if !(size > SMALL) || damping > 1e10 {
+            let goes_on = size > SMALL && damping <= 1e10;
+            if !goes_on {
                 break;
             }
         }
@@ -233,7 +236,8 @@ fn solve(a: [[f64; 5]; 5], b: [f64; 5]) -> Option<[f64; 5]> {
     let (mut l, mut x) = ([[0.0; 5]; 5], b);
     for j in 0..5 {
         let left = a[j][j] - (0..j).map(|k| l[j][k] * l[j][k]).sum::<f64>();
-        if !(left > 0.0) {
+        let is_definite = left > 0.0;
+        if !is_definite {
             return None;
         }
         l[j][j] = left.sqrt();
@@ -325,7 +329,7 @@ mod tests {
         let (a, b, c) = (near[i], near[(i + j) % near.len()], near[(i + near.len() - 1) % near.len()]);
         let (u, w) = (sub(b, a), sub(c, a));
         let n = cross(u, w);
-        if !(norm(n) > 1e-3) {
+        if norm(n) <= 1e-3 {
             return None;
         }
         let middle = add(a, 0.5 / dot(n, n), cross(add(scale(dot(u, u), w), -dot(w, w), u), scale(-1.0, n)));

@@ -13,7 +13,8 @@ pub(super) fn complement(vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
     for j in 0..a.len() {
         let rank = mirrors.len();
         let left = a[j].get(rank..).map_or(0.0, length);
-        if !(left > least) {
+        let is_new = left > least;
+        if !is_new {
             continue;
         }
         let mut w = vec![0.0; n];

@@ -61,7 +61,8 @@ fn angles(e: &[V3; 4]) -> Option<Angles> {
         let unit = [scale(1.0 / length[0], a), scale(1.0 / length[1], b)];
         let n = cross(unit[0], unit[1]);
         let (sin, cos) = (norm(n), dot(unit[0], unit[1]));
-        if !(sin > PARALLEL) {
+        let have_plane = sin > PARALLEL;
+        if !have_plane {
             return None;
         }
         let normal = scale(1.0 / sin, n);
@@ -107,7 +108,8 @@ fn solve(matrix: &mut [[f64; 14]; 13]) -> Option<[f64; 13]> {
     for k in 0..N {
         let pivot = (k..N).max_by(|i, j| matrix[*i][k].abs().total_cmp(&matrix[*j][k].abs()))?;
         matrix.swap(k, pivot);
-        if !(matrix[k][k].abs() > 0.0) {
+        let is_regular = matrix[k][k].abs() > 0.0;
+        if !is_regular {
             return None;
         }
         for i in k + 1..N {
@@ -170,7 +172,8 @@ fn nearest(v: &[V3; 4]) -> [V3; 4] {
                 lambda = next;
                 break;
             }
-            if !(slope < 0.0) {
+            let descends = slope < 0.0;
+            if !descends {
                 continue;
             }
             let before = merit(&z, at.c);

@@ -25,12 +25,12 @@ impl Item for Segment {
         let side = sub(b, a);
         let (along, whole) = (dot(sub(x, a), side), dot(side, side));
         // Ends as they are; a segment without a length has one.
-        if !(along > 0.0) {
-            a
-        } else if along >= whole {
+        if along > 0.0 && along < whole {
+            add(a, along / whole, side)
+        } else if along > 0.0 {
             b
         } else {
-            add(a, along / whole, side)
+            a
         }
     }
 }

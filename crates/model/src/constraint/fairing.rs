@@ -55,7 +55,8 @@ impl Fairing {
     /// being the positions of all vertices, `3 n` numbers.
     pub fn add_to(&self, stencils: &Stencils, before: &[f64], quadratic: &mut Quadratic) {
         let n = before.len() / 3;
-        if stencils.is_empty() || !(self.smooth + self.relative > 0.0) {
+        let is_some = self.smooth + self.relative > 0.0;
+        if stencils.is_empty() || !is_some {
             return;
         }
         if self.relative > 0.0 {

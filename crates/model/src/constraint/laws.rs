@@ -178,7 +178,7 @@ fn newton(v: &[V3], rows: &[(f64, Vec<V3>)]) -> Vec<V3> {
     let start = product(&r, &r);
     let mut squared = start;
     for _ in 0..4 * rows.len() {
-        if !(squared > 1e-30 * start) {
+        if squared <= 1e-30 * start {
             break;
         }
         let ap: Vec<f64> = times(&back(&p));

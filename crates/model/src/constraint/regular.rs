@@ -129,8 +129,7 @@ fn direction(a: V3, other: V3, size: f64) -> V3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::constraint::MeanCentred;
-    use crate::constraint::laws;
+    use crate::constraint::{MeanCentred, cross, dot, laws};
 
     #[test]
     fn the_laws_hold() {

@@ -66,10 +66,11 @@ impl Item for Triangle {
         if whole > 0.0 && inward.iter().all(|i| *i >= 0.0) {
             return add(x, -dot(n, ax) / whole, n);
         }
-        let mut best = (f64::INFINITY, a);
+        // Without an area no side is that of the inside.
+        let (has_area, mut best) = (whole > 0.0, (f64::INFINITY, a));
         for (side, inward) in [[a, b], [b, c], [c, a]].into_iter().zip(inward) {
-            // Without an area no side is that of the inside.
-            if !(inward >= 0.0) || !(whole > 0.0) {
+            let is_within = inward >= 0.0 && has_area;
+            if !is_within {
                 let point = Segment(side).nearest(x);
                 let way = sub(x, point);
                 let squared = dot(way, way);
