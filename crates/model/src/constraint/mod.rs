@@ -54,6 +54,8 @@ mod surface;
 mod template;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_soft;
 
 pub use angle::AngleRange;
 pub use batch::{Batch, Hold};
