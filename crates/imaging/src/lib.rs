@@ -3,5 +3,6 @@
 //! A pixel is a node with one number, so that an image problem is a [`proxel_split::Problem`] of `dim` 1.
 
 mod image;
+pub mod io;
 
 pub use image::{Image, ImageError};
