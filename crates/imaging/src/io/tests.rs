@@ -262,9 +262,9 @@ fn claims_are_refused_before_memory_is_taken() {
         assert!(wrong(&huge).contains(&format!("claims {claim} x {claim} pixels")), "{}", wrong(&huge));
     }
     let mut huge = encode(&file(1, false, Depth::U8), Format::Tiff).unwrap().bytes;
-    let tag = |id: u16| id.to_le_bytes();
-    for id in [256, 257, 278] {
-        let at = huge.windows(2).rposition(|w| w == tag(id)).unwrap();
+    for id in [256u16, 257, 278] {
+        let entry = [id.to_le_bytes().as_slice(), &[4, 0, 1, 0, 0, 0]].concat(); // one LONG
+        let at = huge.windows(8).rposition(|w| w == entry).unwrap();
         huge[at + 8..at + 12].copy_from_slice(&40_000u32.to_le_bytes());
     }
     assert!(wrong(&huge).contains("claims 40000 x 40000"), "{}", wrong(&huge));
