@@ -87,7 +87,9 @@ pub fn simulate(settings: &SimulateSettings) -> Result<SimulatedPair, ImageError
     }
     if !(max_shift > 0.0 && max_shift <= 0.1 * size as f64) {
         let most = 0.1 * size as f64;
-        return Err(ImageError(format!("--simulate: the shift is {max_shift} pixels; give one above 0 and up to {most}")));
+        return Err(ImageError(format!(
+            "--simulate: the shift is {max_shift} pixels; give one above 0 and up to {most}"
+        )));
     }
     let mut random = Random(seed);
     let unit = 2.0 * std::f64::consts::PI / size as f64;
@@ -111,9 +113,8 @@ pub fn simulate(settings: &SimulateSettings) -> Result<SimulatedPair, ImageError
     let cells: Vec<f64> = (0..wide * wide).map(|_| if random.uniform() < 0.5 { 0.0 } else { 1.0 }).collect();
     let mask = blurred(&blurred(&Plane { width: wide, height: wide, values: cells }));
     let noise: Vec<f64> = (0..2 * size * size).map(|_| NOISE * random.normal()).collect();
-    let reference = Plane::from_fn(size, size, |i, j| {
-        mask.at((i + border) as isize, (j + border) as isize) + noise[i * size + j]
-    });
+    let reference =
+        Plane::from_fn(size, size, |i, j| mask.at((i + border) as isize, (j + border) as isize) + noise[i * size + j]);
     let captured = Plane::from_fn(size, size, |i, j| {
         // The place y with y + grad phi(y) = (i, j): grad phi changes by far less than 1 from pixel to pixel.
         let (mut row, mut column) = (i as f64, j as f64);

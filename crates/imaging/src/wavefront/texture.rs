@@ -54,7 +54,8 @@ mod tests {
     /// A step and fine stripes: the stripes stay, the step goes.
     #[test]
     fn what_is_fine_stays() {
-        let image = Plane::from_fn(64, 64, |i, j| if j < 32 { -0.5 } else { 0.5 } + if i % 2 == 0 { 0.1 } else { -0.1 });
+        let image =
+            Plane::from_fn(64, 64, |i, j| if j < 32 { -0.5 } else { 0.5 } + if i % 2 == 0 { 0.1 } else { -0.1 });
         let t = texture(&image);
         let (mut step, mut stripe) = (0.0, 0.0);
         for i in 20..44 {

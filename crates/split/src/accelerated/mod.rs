@@ -8,6 +8,7 @@
 //! | [`ForwardResidual`] | x-z-u | z, u by A(21) | forward residual A(22) | A, Algorithm 3 |
 //! | [`ForwardResidualZxu`] | z-x-u | u, x by A(23) | forward residual A(24) | A, Algorithm 4 |
 //! | [`LocalAlone`], [`DualAlone`] | x-z-u | z or u, the rest rides along | forward residual A(22) | A, appendix E |
+//! | [`DouglasRachford`] | x-z-u | s = c(Dx) + u | fixed-point residual of s | Eckstein and Bertsekas 1992 |
 //! | [`Envelope`] | x-z-u | s = c(Dx) + u of the Douglas-Rachford iteration | envelope | Ouyang et al. 2020 |
 //!
 //! Accelerators are [`Anderson`] of both types, [`Momentum`] and [`Unaccelerated`]. The first carrier works with any
@@ -21,6 +22,7 @@ use crate::{
 
 mod account;
 mod carrier;
+mod douglas_rachford;
 mod envelope;
 mod error;
 mod packed;
@@ -31,6 +33,7 @@ mod single;
 
 pub use account::Account;
 pub use carrier::{Carrier, Extrapolated, Sense};
+pub use douglas_rachford::DouglasRachford;
 pub use envelope::Envelope;
 pub use error::BuildError;
 pub use pair::{CombinedResidual, CombinedResidualZxu};

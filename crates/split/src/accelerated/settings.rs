@@ -1,8 +1,8 @@
 //! From a description to a method.
 
 use super::{
-    Accelerated, BuildError, Carrier, CombinedResidual, CombinedResidualZxu, DualAlone, Envelope, ForwardResidual,
-    ForwardResidualZxu, History, LocalAlone,
+    Accelerated, BuildError, Carrier, CombinedResidual, CombinedResidualZxu, DouglasRachford, DualAlone, Envelope,
+    ForwardResidual, ForwardResidualZxu, History, LocalAlone,
 };
 use crate::accelerator::{Accelerator, Anderson, Kind, Momentum, Unaccelerated};
 use crate::{Admm, Cycle, Method, Order};
@@ -23,7 +23,9 @@ pub enum Algorithm {
     LocalAlone,
     /// u alone, x-z-u, where the dual is affine: A, appendix E.2.
     DualAlone,
-    /// Douglas-Rachford: Ouyang et al. 2020.
+    /// The variable of the Douglas-Rachford iteration, judged by its residual.
+    DouglasRachford,
+    /// The same, judged by an envelope: Ouyang et al. 2020.
     Envelope,
 }
 
@@ -152,6 +154,7 @@ impl Acceleration {
             Algorithm::Four => parts.assemble::<ForwardResidualZxu>(),
             Algorithm::LocalAlone => parts.assemble::<LocalAlone>(),
             Algorithm::DualAlone => parts.assemble::<DualAlone>(),
+            Algorithm::DouglasRachford => parts.assemble::<DouglasRachford>(),
             Algorithm::Envelope => parts.assemble::<Envelope>(),
         }
     }
