@@ -28,6 +28,9 @@ pub struct SimulatedPair {
 /// Standard deviation of the noise of both images.
 const NOISE: f64 = 1.0 / 255.0;
 
+/// Light of a closed cell, and what an open one lacks, so that noise stays within [0, 1].
+const DARK: f64 = 0.05;
+
 /// Waves of phi.
 const WAVES: usize = 6;
 
@@ -110,7 +113,7 @@ pub fn simulate(settings: &SimulateSettings) -> Result<SimulatedPair, ImageError
     // A border as wide as light can come from.
     let border = max_shift.ceil() as usize + 8;
     let wide = size + 2 * border;
-    let cells: Vec<f64> = (0..wide * wide).map(|_| if random.uniform() < 0.5 { 0.0 } else { 1.0 }).collect();
+    let cells: Vec<f64> = (0..wide * wide).map(|_| if random.uniform() < 0.5 { DARK } else { 1.0 - DARK }).collect();
     let mask = blurred(&blurred(&Plane { width: wide, height: wide, values: cells }));
     let noise: Vec<f64> = (0..2 * size * size).map(|_| NOISE * random.normal()).collect();
     let reference =

@@ -148,6 +148,20 @@ pub fn solver(settings: &WavefrontSettings) -> Solver {
     }
 }
 
+/// What a report says of phi itself, for phi as it is written.
+pub fn measure(report: &mut WavefrontReport, phi: &Image, scale: f64) {
+    let plane = phi.channels.first().map_or(&[][..], Vec::as_slice);
+    let (lo, hi) = plane.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+    let mut largest = 0.0_f64;
+    for (k, v) in plane.iter().enumerate() {
+        let right = if (k + 1) % phi.width > 0 { plane[k + 1] - v } else { 0.0 };
+        let down = plane.get(k + phi.width).map_or(0.0, |below| below - v);
+        largest = largest.max((right / scale).hypot(down / scale));
+    }
+    (report.phi_min, report.phi_max, report.shift_max) = (lo, hi, largest);
+    report.phi_rms = (plane.iter().map(|v| v * v).sum::<f64>() / plane.len().max(1) as f64).sqrt();
+}
+
 /// All problems of a pyramid, one after the other.
 struct Run<'a, 'b> {
     settings: &'a WavefrontSettings,
@@ -251,15 +265,8 @@ impl<'a, 'b> Run<'a, 'b> {
 
     fn report(&self, phi: &Image, status: Status) -> Report {
         let finite = |v: f64| Some(v).filter(|v| v.is_finite());
-        let plane = &phi.channels[0];
-        let (lo, hi) = plane.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
-        let rms = (plane.iter().map(|v| v * v).sum::<f64>() / plane.len() as f64).sqrt();
-        let mut largest = 0.0_f64;
-        for (k, v) in plane.iter().enumerate() {
-            let right = if (k + 1) % phi.width > 0 { plane[k + 1] - v } else { 0.0 };
-            let down = plane.get(k + phi.width).map_or(0.0, |below| below - v);
-            largest = largest.max((right / self.settings.scale).hypot(down / self.settings.scale));
-        }
+        let mut of = WavefrontReport { levels: self.levels, problems: self.solved, ..WavefrontReport::default() };
+        measure(&mut of, phi, self.settings.scale);
         let warnings = self.unconverged.iter().map(|text| format!("a coarser level has not converged: {text}"));
         Report {
             version: env!("CARGO_PKG_VERSION").to_string(),
@@ -281,15 +288,7 @@ impl<'a, 'b> Run<'a, 'b> {
             accepted: self.iterations,
             rejected: self.rejected,
             warnings: warnings.collect(),
-            wavefront: Some(WavefrontReport {
-                levels: self.levels,
-                problems: self.solved,
-                phi_min: lo,
-                phi_max: hi,
-                phi_rms: rms,
-                shift_max: largest,
-                zernike: Vec::new(),
-            }),
+            wavefront: Some(of),
             ..Report::default()
         }
     }

@@ -14,7 +14,7 @@ const MARGIN: usize = 12;
 const BAR: usize = 18;
 const LABEL: usize = 84;
 
-/// Twice the size of the glyphs.
+/// Side of a dot of a glyph, in pixels.
 const ZOOM: usize = 2;
 
 const PAPER: [u8; 3] = [255; 3];
