@@ -76,7 +76,7 @@ pub struct WavefrontMethodArgs {
     /// Compare the images as they are, not their textures.
     #[arg(long)]
     pub no_texture: bool,
-    /// Leave out the 3 x 3 median at the end.
+    /// Leave out the 3 x 3 median of phi that ends each warp.
     #[arg(long)]
     pub no_median: bool,
     /// Multiply the result: from square pixels to the units of the sensor.

@@ -20,7 +20,8 @@ pub struct PyramidSettings {
     pub warps: usize,
     /// Whether textures are compared instead of the images.
     pub texture: bool,
-    /// Whether a 3 x 3 median ends it.
+    /// Whether a 3 x 3 median of phi ends each warp: A(32) has as many unknowns as pixels to tell of them, and what is rough in phi
+    /// is made of noise.
     pub median: bool,
 }
 
@@ -216,6 +217,9 @@ pub fn coarse_to_fine<E>(
             let stage = Stage { level, warp, width: one.width, height: one.height, is_last };
             let increment = solve(stage, &now.linearised(one, two, settings))?;
             now.phi.values.iter_mut().zip(increment).for_each(|(phi, d)| *phi += d);
+            if settings.median {
+                now.phi = now.phi.median();
+            }
         }
         field = Some(now);
     }
@@ -223,9 +227,6 @@ pub fn coarse_to_fine<E>(
         Some(field) => field.of_image(reference),
         None => reference.clone(),
     };
-    if settings.median {
-        phi = phi.median();
-    }
     let mean = phi.values.iter().sum::<f64>() / phi.values.len().max(1) as f64;
     phi.values.iter_mut().for_each(|v| *v -= mean);
     Ok(phi)

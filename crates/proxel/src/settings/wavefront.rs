@@ -76,7 +76,7 @@ pub struct WavefrontSettings {
     pub warps: usize,
     /// Whether the structure of the images is taken out before (Rudin, Osher, Fatemi).
     pub texture: bool,
-    /// Whether a 3 x 3 median ends it.
+    /// Whether a 3 x 3 median of phi ends each warp.
     pub median: bool,
     /// What the result is multiplied by: from square pixels to the units of the sensor.
     pub scale: f64,
