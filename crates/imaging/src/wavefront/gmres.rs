@@ -113,7 +113,9 @@ impl Gmres {
             (column[i], column[i + 1]) = (c * a + s * b, c * b - s * a);
         }
         let size = column[k].hypot(column[k + 1]);
-        if !(size > EXHAUSTED * before) {
+        // A NaN is no direction either.
+        let is_new = size > EXHAUSTED * before;
+        if !is_new {
             self.image = w;
             return false;
         }

@@ -32,7 +32,7 @@ pub use gmres::Gmres;
 pub use pcg::Pcg;
 pub use plane::Plane;
 pub use problem::{Linearised, Solver};
-pub use pyramid::{PyramidSettings, Stage, coarse_to_fine, comparable};
+pub use pyramid::{PyramidSettings, Solve, Stage, coarse_to_fine, comparable};
 pub use simulate::{SimulateSettings, SimulatedPair, simulate};
 pub use texture::texture;
 pub use zernike::{MOST_COEFFICIENTS, coefficients, noll, zernike};

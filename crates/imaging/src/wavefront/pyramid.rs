@@ -69,7 +69,8 @@ pub fn comparable(reference: &Image, captured: &Image, textures: bool) -> Result
     let planes = [grey("reference", a)?, grey("captured", b)?];
     for (plane, name) in planes.iter().zip(["reference", "captured"]) {
         let (lo, hi) = plane.range();
-        if !(hi > lo) {
+        let differs = hi > lo;
+        if !differs {
             return Err(ImageError(format!("the {name} image is {lo} everywhere: there is nothing to compare")));
         }
     }
@@ -189,6 +190,9 @@ impl Field {
     }
 }
 
+/// What solves one problem: phi of it.
+pub type Solve<'a, E> = dyn FnMut(Stage, &Linearised) -> Result<Vec<f64>, E> + 'a;
+
 /// phi with I2(. + grad phi) = I1, mean 0, in square pixels, as large as the images: on each level of a pyramid of halved
 /// images, from the coarsest, `solve` is given the problem A(32) of an increment after each warp.
 ///
@@ -197,7 +201,7 @@ impl Field {
 pub fn coarse_to_fine<E>(
     [reference, captured]: &[Plane; 2],
     settings: &PyramidSettings,
-    solve: &mut dyn FnMut(Stage, &Linearised) -> Result<Vec<f64>, E>,
+    solve: &mut Solve<'_, E>,
 ) -> Result<Plane, E> {
     let mut levels = vec![(reference.clone(), captured.clone())];
     while let Some((one, two)) = levels.last() {

@@ -14,7 +14,7 @@ pub fn noll(j: usize) -> (usize, isize) {
     }
     let k = j.max(1) - n * (n + 1) / 2 - 1; // place within the degree
     let m = if n % 2 == 0 { 2 * k.div_ceil(2) } else { 2 * (k / 2) + 1 };
-    (n, if j % 2 == 0 { m as isize } else { -(m as isize) })
+    (n, if j.is_multiple_of(2) { m as isize } else { -(m as isize) })
 }
 
 /// A polynomial of the disk, ready to be evaluated: root mean square 1.
@@ -83,7 +83,8 @@ pub fn coefficients(phi: &Plane, count: usize) -> Result<Vec<f64>, ImageError> {
     // Nearly the unit matrix times the number of pixels, so that elimination needs no pivots.
     let pixels = normal[0][0];
     for k in 0..count {
-        if !(normal[k][k] > 1e-6 * pixels) {
+        let determined = normal[k][k] > 1e-6 * pixels;
+        if !determined {
             return Err(ImageError(format!(
                 "a disk of {pixels} pixels does not determine {count} Zernike coefficients"
             )));
