@@ -23,10 +23,10 @@ mod geodesic;
 mod info;
 mod interrupt;
 mod picture;
-mod planarize;
 mod progress;
 mod refusal;
 mod replay;
+mod shape;
 mod simulate;
 mod unwrap;
 mod wavefront;
@@ -52,7 +52,9 @@ fn main() -> ExitCode {
         Command::Unwrap(args) => unwrap::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
         Command::Wavefront(args) => wavefront::run(&args),
-        Command::Planarize(args) => planarize::run(&args),
+        Command::Planarize(args) => shape::planarize(&args),
+        Command::Wire(args) => shape::wire(&args),
+        Command::Shape(args) => shape::recipe(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Schema(args) => simulate::schema(&args),
