@@ -29,6 +29,7 @@ mod replay;
 mod shape;
 mod simulate;
 mod unwrap;
+mod wavefront;
 
 use std::process::ExitCode;
 
@@ -50,6 +51,7 @@ fn main() -> ExitCode {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
+        Command::Wavefront(args) => wavefront::run(&args),
         Command::Planarize(args) => shape::planarize(&args),
         Command::Wire(args) => shape::wire(&args),
         Command::Shape(args) => shape::recipe(&args),

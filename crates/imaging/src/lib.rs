@@ -1,7 +1,15 @@
 //! Images: what they are, the terms and global steps of their grids, and their formats.
 //!
-//! A pixel is a node with one number, so that an image problem is a [`proxel_split::Problem`] of `dim` 1.
+//! A pixel is a node with one number a channel, so that an image problem is a [`proxel_split::Problem`] of `dim` 1.
 
+mod grid;
 mod image;
+pub mod io;
+mod prox;
+mod term;
+pub mod wavefront;
 
+pub use grid::{Boundary, Grid};
 pub use image::{Image, ImageError};
+pub use prox::{Pointwise, TotalVariation};
+pub use term::GradientTerm;

@@ -14,7 +14,7 @@ use crate::balancing::{Balance, Balancing};
 use crate::penalty::SafePenalty;
 use crate::{
     BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Order,
-    Problem, Residual, Residuals, Reweighting, SquaredResiduals, StepReport, SystemError, Term, Trial,
+    Problem, Pull, Residual, Residuals, Reweighting, SquaredResiduals, StepReport, SystemError, Term, Trial,
     reweight::Settling, vector,
 };
 use rayon::prelude::*;
@@ -63,6 +63,7 @@ pub struct Admm {
     settling: Settling,
     iteration: usize,
     energy: Option<EnergyReport>,
+    f: Option<f64>, // f(x), where the global step has found it
     evaluation: Option<Evaluation>,
 }
 
@@ -71,9 +72,13 @@ impl Admm {
     ///
     /// # Errors
     /// A problem that does not fit together (as [`SystemError::Factor`]) or a singular system.
-    pub fn new(problem: Problem, settings: AdmmSettings) -> Result<Self, SystemError> {
+    pub fn new(problem: Problem, mut settings: AdmmSettings) -> Result<Self, SystemError> {
         problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
-        let normal = NormalMatrix::with_precision(&problem, settings.global.precision())?;
+        let normal = match settings.global.precision() {
+            Some(precision) => NormalMatrix::with_precision(&problem, precision)?,
+            None => NormalMatrix::none()?,
+        };
+        settings.global.weigh(&problem)?;
         let mut x = problem.x0.clone();
         problem.quadratic.equalities.enforce(&mut x, problem.dim);
         Ok(Self::resume(problem, normal, x, settings, 0))
@@ -115,6 +120,7 @@ impl Admm {
             settling: Settling::default(),
             iteration,
             energy: None,
+            f: None,
             evaluation: None,
         }
     }
@@ -189,7 +195,13 @@ impl Admm {
 
     /// Whether the global step ends at the minimiser, whatever it starts from.
     pub fn is_exact(&self) -> bool {
-        self.settings.global.is_exact() && self.problem.quadratic.potentials.is_empty()
+        let sees_potentials = self.settings.global.pull() == Pull::AtOrigin;
+        self.settings.global.is_exact() && (sees_potentials || self.problem.quadratic.potentials.is_empty())
+    }
+
+    /// What a global step costs beside solves with the normal matrix.
+    pub(crate) fn global_work(&self) -> f64 {
+        self.settings.global.work()
     }
 
     /// Squared weights become mu times the base weights; forces stay.
@@ -200,14 +212,22 @@ impl Admm {
         }
     }
 
+    /// New weights in the normal matrix, or in what the global step has in its place.
+    fn refactor_normal(&mut self) -> Result<(), SystemError> {
+        self.settings.global.reset();
+        if self.settings.global.precision().is_some() {
+            self.normal.refactor(&self.problem)?;
+        }
+        self.settings.global.weigh(&self.problem)
+    }
+
     /// Raises or lowers the penalty where one residual is much larger than the other.
     fn balance(&mut self, local: &LocalReport) -> Result<bool, SystemError> {
         let Some(mu) = self.balancing.as_mut().and_then(|balance| balance.next(local.gap2, local.moved2)) else {
             return Ok(false);
         };
         self.weigh(mu);
-        self.normal.refactor(&self.problem)?;
-        self.settings.global.reset();
+        self.refactor_normal()?;
         Ok(true)
     }
 
@@ -230,8 +250,7 @@ impl Admm {
         for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
             term.take_weights(p, u);
         }
-        self.normal.refactor(&self.problem)?;
-        self.settings.global.reset();
+        self.refactor_normal()?;
         Ok(true)
     }
 
@@ -245,12 +264,19 @@ impl Admm {
                 u.fill(0.0);
             }
         }
-        self.problem.cycle_step(&self.cycle, &self.x, &mut self.p, &mut self.u, &mut self.grad)
+        let (x, p, u, grad) = (&self.x, &mut self.p, &mut self.u, &mut self.grad);
+        match self.settings.global.pull() {
+            Pull::AtPoint => self.problem.cycle_step(&self.cycle, x, p, u, grad),
+            Pull::AtOrigin => self.problem.pull_step(&self.cycle, x, p, u, grad),
+        }
     }
 
     /// Gradient and value of the global step's objective, after p has been set from outside.
     pub(crate) fn aim(&mut self, local: &mut LocalReport) {
-        local.objective = self.problem.penalty(&self.x, &self.p, &mut self.grad).value;
+        match self.settings.global.pull() {
+            Pull::AtPoint => local.objective = self.problem.penalty(&self.x, &self.p, &mut self.grad).value,
+            Pull::AtOrigin => self.problem.pull(&self.p, &mut self.grad),
+        }
     }
 
     /// u <- c(Dx) - p, A(6) third line; z stays, p follows.
@@ -277,6 +303,7 @@ impl Admm {
         };
         let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, &mut self.grad)?;
         self.energy = global.energy;
+        self.f = global.quadratic;
         Ok(global.inner)
     }
 
@@ -315,6 +342,7 @@ impl Admm {
     pub(crate) fn state(&mut self) -> State<'_> {
         self.evaluation = None;
         self.energy = None;
+        self.f = None;
         State { x: &mut self.x[..self.problem.n_free * self.problem.dim], p: &mut self.p, u: &mut self.u }
     }
 
@@ -322,6 +350,7 @@ impl Admm {
     pub(crate) fn state_and_problem(&mut self) -> (State<'_>, &mut Problem) {
         self.evaluation = None;
         self.energy = None;
+        self.f = None;
         let n = self.problem.n_free * self.problem.dim;
         (State { x: &mut self.x[..n], p: &mut self.p, u: &mut self.u }, &mut self.problem)
     }
@@ -394,6 +423,7 @@ impl Admm {
         self.moved2 = f64::INFINITY;
         self.last = None;
         self.energy = None;
+        self.f = None;
         self.evaluation = None;
     }
 
@@ -428,7 +458,10 @@ impl Method for Admm {
     }
 
     fn energy(&mut self) -> EnergyReport {
-        *self.energy.get_or_insert_with(|| self.problem.energy(&self.x, None))
+        *self.energy.get_or_insert_with(|| match self.f {
+            Some(f) => self.problem.energy_beside(f, &self.x),
+            None => self.problem.energy(&self.x, None),
+        })
     }
 
     fn evaluate(&mut self) -> Evaluation {
@@ -465,8 +498,7 @@ impl Method for Admm {
     }
 
     fn refactor(&mut self) -> Result<(), SystemError> {
-        self.settings.global.reset();
-        self.normal.refactor(&self.problem)
+        self.refactor_normal()
     }
 
     fn squared_residuals(&mut self) -> Option<SquaredResiduals> {

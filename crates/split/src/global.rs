@@ -32,11 +32,25 @@ pub struct GlobalReport {
     pub shortened: usize,
     /// Energy at the new x, where it is known.
     pub energy: Option<EnergyReport>,
+    /// f at the new x, where it comes for next to nothing.
+    pub quadratic: Option<f64>,
+}
+
+/// What a global step wants to be told of p = z - u.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pull {
+    /// The gradient of the [`Objective`] where the step begins, f included: D^T W^2 (Dx - p) + grad f(x) for linear couplings.
+    #[default]
+    AtPoint,
+    /// The gradient of the penalty at x = 0, that is -D^T W^2 p, and nothing of f: all that a step needs which knows f and
+    /// sum w^2 D^T D itself, and finds the minimiser without looking at x. For linear couplings.
+    AtOrigin,
 }
 
 /// Moves x towards the minimum of the [`Objective`].
 pub trait GlobalStep: Send {
-    /// `grad` holds the gradient at x when the step begins, and is scratch after.
+    /// `grad` holds what [`GlobalStep::pull`] asks for when the step begins, and is scratch after. `normal` is that of
+    /// [`NormalMatrix::none`] where [`GlobalStep::precision`] asks for no factor.
     ///
     /// # Errors
     /// A system that cannot be solved.
@@ -48,9 +62,21 @@ pub trait GlobalStep: Send {
         grad: &mut Vec<f64>,
     ) -> Result<GlobalReport, SystemError>;
 
-    /// The precision that the factor of the normal matrix needs.
-    fn precision(&self) -> Precision {
-        Precision::Double
+    /// The precision that the factor of the normal matrix needs; none where the step has no use for the matrix, which is
+    /// then never assembled.
+    fn precision(&self) -> Option<Precision> {
+        Some(Precision::Double)
+    }
+
+    /// What `grad` holds when the step begins.
+    fn pull(&self) -> Pull {
+        Pull::AtPoint
+    }
+
+    /// What a run costs beside solves with the normal matrix, in nanoseconds of a core: an estimate by which an acceleration
+    /// is weighed against plain iterations.
+    fn work(&self) -> f64 {
+        0.0
     }
 
     /// Whether it ends at the minimiser for linear couplings, whatever x it starts from.
@@ -60,6 +86,16 @@ pub trait GlobalStep: Send {
 
     /// The weights have changed: forget what was learnt under the old ones.
     fn reset(&mut self);
+
+    /// Takes the weights of the problem as they are: before the first step, and after they have changed. For a step that has
+    /// an operator of its own in place of the normal matrix.
+    ///
+    /// # Errors
+    /// An operator that cannot be inverted.
+    fn weigh(&mut self, problem: &Problem) -> Result<(), SystemError> {
+        let _ = problem;
+        Ok(())
+    }
 }
 
 /// One solve with the prefactored matrix, x <- x - A^-1 gradient: the exact minimiser where c is the identity, W(5).
@@ -76,7 +112,7 @@ impl GlobalStep for Direct {
     ) -> Result<GlobalReport, SystemError> {
         normal.solve(grad)?;
         crate::vector::add_scaled(&mut x[..grad.len()], -1.0, grad);
-        Ok(GlobalReport { inner: 1, solves: 1, shortened: 0, energy: None })
+        Ok(GlobalReport { inner: 1, solves: 1, ..GlobalReport::default() })
     }
 
     fn is_exact(&self) -> bool {

@@ -126,8 +126,8 @@ impl GlobalStep for Lbfgs {
         Ok(report)
     }
 
-    fn precision(&self) -> Precision {
-        self.settings.precision
+    fn precision(&self) -> Option<Precision> {
+        Some(self.settings.precision)
     }
 
     fn reset(&mut self) {

@@ -50,8 +50,8 @@ pub mod vector;
 
 pub use accelerated::{
     Accelerated, Acceleration, Account, Algorithm, Alternation, BuildError, Carrier, CombinedResidual,
-    CombinedResidualRaw, CombinedResidualZxu, DualAlone, Envelope, Extrapolated, Extrapolation, ForwardResidual,
-    ForwardResidualZxu, History, LocalAlone, Merit, Sense,
+    CombinedResidualRaw, CombinedResidualZxu, DouglasRachford, DualAlone, Envelope, Extrapolated, Extrapolation,
+    ForwardResidual, ForwardResidualZxu, History, LocalAlone, Merit, Sense,
 };
 pub use accelerator::{Accelerator, Anderson, Iterate, Kind, Momentum, Proposal, Unaccelerated};
 pub use admm::{Admm, AdmmSettings};
@@ -63,7 +63,7 @@ pub use cycle::{Cycle, Order};
 pub use equality::{Equalities, Equality, EqualityError};
 pub use exhausted::{Exhausted, RoundingReached};
 pub use form::SymmetricForm;
-pub use global::{Direct, GlobalReport, GlobalStep, Objective};
+pub use global::{Direct, GlobalReport, GlobalStep, Objective, Pull};
 pub use guard::InversionGuard;
 pub use inertia::Inertia;
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};

@@ -79,7 +79,7 @@ impl Quadratic {
 
 /// min f(x) + sum_t g_t(c_t(D_t x)) over the first `n_free` of n nodes.
 pub struct Problem {
-    /// Numbers a node: 2 or 3.
+    /// Numbers a node: 1, 2 or 3.
     pub dim: usize,
     /// Nodes 0..n_free are unknowns; the others stay where they are.
     pub n_free: usize,
@@ -213,6 +213,15 @@ impl Problem {
         self.terms.iter().map(|term| term.local_dim()).sum()
     }
 
+    /// out <- -D^T W^2 p over the free nodes, for linear couplings: the gradient of the penalty at x = 0.
+    pub fn pull(&mut self, p: &[Vec<f64>], out: &mut [f64]) {
+        let origin = vec![0.0; self.x0.len()];
+        out.fill(0.0);
+        for (term, p) in self.terms.iter_mut().zip(p) {
+            term.penalty(&origin, p, out);
+        }
+    }
+
     /// out <- D^T W^2 r over the free nodes, for linear couplings: what the transpose of A makes of a vector of the local
     /// space. The dual residual A(7) of the x-z-u iteration is that of z - z_before.
     pub fn adjoint(&mut self, r: &[Vec<f64>], out: &mut [f64]) {
@@ -228,6 +237,15 @@ impl Problem {
     /// Number of nodes.
     pub fn n(&self) -> usize {
         self.x0.len() / self.dim
+    }
+
+    /// The objective at x where f(x) is known.
+    pub fn energy_beside(&mut self, f: f64, x: &[f64]) -> EnergyReport {
+        let mut report = EnergyReport { value: f, ..EnergyReport::default() };
+        for term in &mut self.terms {
+            report += term.energy(x, None);
+        }
+        report
     }
 
     /// The objective at x, and how far the elements are deformed; `grad`, n_free * dim long, is overwritten.
@@ -279,6 +297,24 @@ impl Problem {
             report += term.cycle_step(cycle, x, p, u, grad);
         }
         report.objective += self.quadratic.value_and_gradient(x, self.dim, Some(grad));
+        report
+    }
+
+    /// The same where only the pull of p is asked for, see [`Term::pull_step`]: `pull` is overwritten with -D^T W^2 p, and f
+    /// is not looked at.
+    pub fn pull_step(
+        &mut self,
+        cycle: &Cycle,
+        x: &[f64],
+        p: &mut [Vec<f64>],
+        u: &mut [Vec<f64>],
+        pull: &mut [f64],
+    ) -> LocalReport {
+        pull.fill(0.0);
+        let mut report = LocalReport::default();
+        for ((term, p), u) in self.terms.iter_mut().zip(p).zip(u) {
+            report += term.pull_step(cycle, x, p, u, pull);
+        }
         report
     }
 

@@ -151,6 +151,14 @@ impl NormalMatrix {
         Ok(matrix)
     }
 
+    /// The matrix of no nodes, in place of one that nobody needs. It solves nothing.
+    ///
+    /// # Errors
+    /// None in practice.
+    pub fn none() -> Result<Self, SystemError> {
+        Self::new(&Problem::empty())
+    }
+
     fn fill_and_factor(&mut self, problem: &Problem, shift: f64) -> Result<(), SystemError> {
         self.values.fill(0.0);
         for term in &problem.terms {

@@ -63,7 +63,7 @@ pub enum Kind {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 32] = [
+pub const ALL: [Reproduction; 33] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -252,6 +252,13 @@ pub const ALL: [Reproduction; 32] = [
         models: &[],
         kind: Kind::Moving,
         run: aa::figure9::run,
+    },
+    Reproduction {
+        name: "aa-figure11",
+        about: "a coded wavefront sensor: ADMM, Anderson on z alone and on both, GMRES, conjugate gradients",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::figure11::run,
     },
     Reproduction {
         name: "aa-figure12",

@@ -9,6 +9,7 @@
 //! | [`ForwardResidual`] | x-z-u | z, u by A(21) | forward residual A(22) | A, Algorithm 3 |
 //! | [`ForwardResidualZxu`] | z-x-u | u, x by A(23) | forward residual A(24) | A, Algorithm 4 |
 //! | [`LocalAlone`], [`DualAlone`] | x-z-u | z or u, the rest rides along | forward residual A(22) | A, appendix E |
+//! | [`DouglasRachford`] | x-z-u | s = c(Dx) + u | fixed-point residual of s | Eckstein and Bertsekas 1992 |
 //! | [`Envelope`] | x-z-u | s = c(Dx) + u of the Douglas-Rachford iteration | envelope | Ouyang et al. 2020 |
 //! | [`Reflection`] | x-z-u | the same | primal residual | their implementation |
 //! | [`Alternation`] | z-x-u without duals | x | objective | Peng et al. 2018 |
@@ -25,6 +26,7 @@ use crate::{
 mod account;
 mod alternation;
 mod carrier;
+mod douglas_rachford;
 mod envelope;
 mod error;
 mod packed;
@@ -37,6 +39,7 @@ mod single;
 pub use account::Account;
 pub use alternation::Alternation;
 pub use carrier::{Carrier, Extrapolated, Sense};
+pub use douglas_rachford::DouglasRachford;
 pub use envelope::{Envelope, Reflection};
 pub use error::BuildError;
 pub use pair::{CombinedResidual, CombinedResidualZxu};

@@ -31,7 +31,7 @@ impl IterationPrice {
     pub(super) fn new(admm: &Admm, sensed: usize, values: usize, columns: usize) -> Self {
         let problem = admm.problem();
         let local = problem.terms.iter().map(|term| term.local_work()).sum();
-        let solve = ENTRY * (problem.dim * admm.normal().symbolic().factor_nnz()) as f64;
+        let solve = ENTRY * (problem.dim * admm.normal().symbolic().factor_nnz()) as f64 + admm.global_work();
         let history = ((sensed + values) * (columns + 2)) as f64;
         let number = if history > CACHE { FAR } else { NEAR };
         IterationPrice { local, solve, sensed: number * sensed as f64, values: number * values as f64 }

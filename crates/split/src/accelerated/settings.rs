@@ -2,7 +2,7 @@
 
 use super::{
     Accelerated, Alternation, BuildError, Carrier, CombinedResidual, CombinedResidualRaw, CombinedResidualZxu,
-    DualAlone, Envelope, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Reflection,
+    DouglasRachford, DualAlone, Envelope, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Reflection,
 };
 use crate::accelerator::{Accelerator, Anderson, Kind, Momentum, Unaccelerated};
 use crate::{Admm, Cycle, Method, Order};
@@ -25,7 +25,9 @@ pub enum Algorithm {
     LocalAlone,
     /// u alone, x-z-u, where the dual is affine: A, appendix E.2.
     DualAlone,
-    /// Douglas-Rachford: Ouyang et al. 2020.
+    /// The variable of the Douglas-Rachford iteration, judged by its residual.
+    DouglasRachford,
+    /// The same, judged by an envelope: Ouyang et al. 2020.
     Envelope,
     /// The same, judged by the primal residual.
     Reflection,
@@ -159,6 +161,7 @@ impl Acceleration {
             Algorithm::Four => parts.assemble::<ForwardResidualZxu>(),
             Algorithm::LocalAlone => parts.assemble::<LocalAlone>(),
             Algorithm::DualAlone => parts.assemble::<DualAlone>(),
+            Algorithm::DouglasRachford => parts.assemble::<DouglasRachford>(),
             Algorithm::Envelope => parts.assemble::<Envelope>(),
             Algorithm::Reflection => parts.assemble::<Reflection>(),
             Algorithm::Alternation => parts.assemble::<Alternation>(),

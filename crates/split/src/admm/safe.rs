@@ -26,8 +26,7 @@ impl Admm {
         self.weigh(1.0);
         let safe = SafePenalty::of(&mut self.problem, &self.x)?;
         self.weigh(safe.mu);
-        self.normal.refactor(&self.problem)?;
-        self.settings.global.reset();
+        self.refactor_normal()?;
         for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
             term.couple(&self.x, p);
             term.dual(p, u);

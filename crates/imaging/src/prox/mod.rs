@@ -1,0 +1,72 @@
+//! Functions of the numbers of one pixel, by their proximal operators.
+
+use proxel_split::DualMap;
+use std::ops::Range;
+
+mod total_variation;
+
+pub use total_variation::TotalVariation;
+
+/// g(z) = sum over pixels of a function of the pixel's numbers: a penalty, a data term, or the indicator of a set.
+///
+/// Every method is given a range of pixels of one row (`pixels.start` counts from 0, row by row) and their numbers plane by
+/// plane: number k of pixel i is `z[k * pixels.len() + i - pixels.start]`. Inside all is static.
+pub trait Pointwise: Send + Sync {
+    /// v <- argmin g(z) + weight2/2 |z - v|^2; returns g there, without what is infinite outside sets.
+    fn prox(&self, pixels: Range<usize>, v: &mut [f64], weight2: f64) -> f64;
+
+    /// g(z), without what is infinite outside sets.
+    fn value(&self, pixels: Range<usize>, z: &[f64]) -> f64;
+
+    /// z <- grad g(z), a subgradient where there is no gradient.
+    fn gradient(&self, pixels: Range<usize>, z: &mut [f64]);
+
+    /// How far z is outside a set, at most; 0 where there is no set.
+    fn violation(&self, pixels: Range<usize>, z: &[f64]) -> f64 {
+        let _ = (pixels, z);
+        0.0
+    }
+
+    /// Whether g is infinite outside a set.
+    fn is_hard(&self) -> bool {
+        false
+    }
+
+    /// What u is as a function of z, A(21): then it is [`Self::gradient`] over weight2.
+    fn dual_map(&self) -> DualMap {
+        DualMap::None
+    }
+
+    /// A typical size of the gradient of g at a pixel.
+    fn force(&self) -> f64;
+}
+
+impl<P: Pointwise + ?Sized> Pointwise for Box<P> {
+    fn prox(&self, pixels: Range<usize>, v: &mut [f64], weight2: f64) -> f64 {
+        (**self).prox(pixels, v, weight2)
+    }
+
+    fn value(&self, pixels: Range<usize>, z: &[f64]) -> f64 {
+        (**self).value(pixels, z)
+    }
+
+    fn gradient(&self, pixels: Range<usize>, z: &mut [f64]) {
+        (**self).gradient(pixels, z);
+    }
+
+    fn violation(&self, pixels: Range<usize>, z: &[f64]) -> f64 {
+        (**self).violation(pixels, z)
+    }
+
+    fn is_hard(&self) -> bool {
+        (**self).is_hard()
+    }
+
+    fn dual_map(&self) -> DualMap {
+        (**self).dual_map()
+    }
+
+    fn force(&self) -> f64 {
+        (**self).force()
+    }
+}

@@ -1,0 +1,437 @@
+//! The gradient of an image, and functions of it.
+
+use super::pass::{Sums, begin};
+use crate::{Boundary, Grid, Pointwise};
+use proxel_linalg::sparse::SymPattern;
+use proxel_split::{
+    Cycle, DualMap, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term, vector,
+};
+use rayon::prelude::*;
+
+/// g(grad x): D takes forward differences,
+///
+/// ```text
+/// (grad x)_ij = (x_i,j+1 - x_ij, x_i+1,j - x_ij)
+/// ```
+///
+/// which wrap around for [`Boundary::Periodic`] and are 0 across the border for [`Boundary::Neumann`]. One weight w^2 for all
+/// pixels, the penalty mu of A.
+///
+/// Local vectors are laid out row by row; in each row plane by plane, of each channel the differences along the row and then
+/// those along the column: a row's part has `2 * channels` planes of `width` numbers, as [`Pointwise`] takes them.
+///
+/// Memory: x once, p and u twice each, read and written; a local step touches 80 bytes a pixel and channel, `pull_step` 72.
+pub struct GradientTerm<P> {
+    grid: Grid,
+    boundary: Boundary,
+    first: usize, // node of pixel 0
+    of: P,
+    weight2: f64,
+    base: f64,               // weight2 as it was built
+    candidate: f64,          // weight2 that is proposed
+    scratch: Vec<Vec<f64>>,  // of each task: c, v
+    parts: Vec<LocalReport>, // of each task
+}
+
+impl<P: Pointwise> GradientTerm<P> {
+    /// Of the field whose nodes begin at `first`, with the penalty w^2 = `weight2` > 0.
+    pub fn new(grid: Grid, boundary: Boundary, first: usize, of: P, weight2: f64) -> Self {
+        let tasks = grid.height.div_ceil(grid.task_rows());
+        GradientTerm {
+            grid,
+            boundary,
+            first,
+            of,
+            weight2,
+            base: weight2,
+            candidate: weight2,
+            scratch: (0..tasks).map(|_| vec![0.0; 4 * grid.row_len()]).collect(),
+            parts: vec![LocalReport::default(); tasks],
+        }
+    }
+
+    /// Its function.
+    pub fn of(&self) -> &P {
+        &self.of
+    }
+
+    /// w^2
+    pub fn weight2(&self) -> f64 {
+        self.weight2
+    }
+
+    /// Numbers of a row's part of a local vector.
+    fn local_row(&self) -> usize {
+        2 * self.grid.row_len()
+    }
+
+    fn field<'x>(&self, x: &'x [f64]) -> &'x [f64] {
+        &x[self.first..self.first + self.grid.len()]
+    }
+
+    /// The differences of a row.
+    fn differences(&self, field: &[f64], row: usize, out: &mut [f64]) {
+        differences(self.grid, self.boundary, field, row, out);
+    }
+
+    /// out += scale D^T p in a row, from that row of p and the one above, of which there is none at a border without another
+    /// side.
+    fn gather(&self, scale: f64, here: &[f64], above: Option<&[f64]>, last: bool, out: &mut [f64]) {
+        let w = self.grid.width;
+        let periodic = self.boundary == Boundary::Periodic;
+        for c in 0..self.grid.channels {
+            let (along, down) = (&here[2 * c * w..(2 * c + 1) * w], &here[(2 * c + 1) * w..(2 * c + 2) * w]);
+            let out = &mut out[c * w..(c + 1) * w];
+            let Some(end) = w.checked_sub(1) else { continue };
+            for (out, pair) in out[1..].iter_mut().zip(along.windows(2)) {
+                *out += scale * (pair[0] - pair[1]);
+            }
+            if periodic {
+                out[0] += scale * (along[end] - along[0]);
+            } else {
+                // At the end of the row there is no difference, so that what stands in p there means nothing.
+                out[0] -= scale * if end > 0 { along[0] } else { 0.0 };
+                out[end] += scale * if end > 0 { along[end] } else { 0.0 };
+            }
+            if periodic || !last {
+                out.iter_mut().zip(down).for_each(|(out, d)| *out -= scale * d);
+            }
+            if let Some(above) = above {
+                let down = &above[(2 * c + 1) * w..(2 * c + 2) * w];
+                out.iter_mut().zip(down).for_each(|(out, d)| *out += scale * d);
+            }
+        }
+    }
+
+    /// out += scale D^T p over the whole field.
+    fn add_adjoint(&self, scale: f64, p: &[f64], out: &mut [f64]) {
+        let (grid, local) = (self.grid, self.local_row());
+        let out = &mut out[self.first..self.first + grid.len()];
+        out.par_chunks_mut(grid.row_len()).enumerate().with_min_len(grid.task_rows()).for_each(|(row, out)| {
+            self.gather(scale, rows(p, local, row), self.above(p, row), row + 1 == grid.height, out);
+        });
+    }
+
+    /// The row of p above.
+    fn above<'p>(&self, p: &'p [f64], row: usize) -> Option<&'p [f64]> {
+        match (row, self.boundary) {
+            (0, Boundary::Neumann) => None,
+            (0, Boundary::Periodic) => Some(rows(p, self.local_row(), self.grid.height - 1)),
+            _ => Some(rows(p, self.local_row(), row - 1)),
+        }
+    }
+
+    /// The local step of a cycle; with `pull`, z, u and the pull -D^T W^2 p in one pass.
+    fn sweep(
+        &mut self,
+        cycle: &Cycle,
+        x: &[f64],
+        p: &mut [f64],
+        u: &mut [f64],
+        pull: Option<&mut [f64]>,
+    ) -> LocalReport {
+        let (grid, local) = (self.grid, self.local_row());
+        let (task, row_len) = (grid.task_rows(), grid.row_len());
+        let (mut scratch, mut parts) = (std::mem::take(&mut self.scratch), std::mem::take(&mut self.parts));
+        let field = self.field(x);
+        let this = &*self;
+        let tasks = p.par_chunks_mut(task * local).zip(u.par_chunks_mut(task * local));
+        let tasks = tasks.zip(scratch.par_iter_mut()).zip(parts.par_iter_mut()).enumerate();
+        match pull {
+            None => tasks.for_each(|(t, (((p, u), scratch), part))| {
+                *part = this.rows_of_task(cycle, field, t * task, p, u, scratch, None);
+            }),
+            Some(pull) => {
+                let pull = &mut pull[this.first..this.first + grid.len()];
+                tasks.zip(pull.par_chunks_mut(task * row_len)).for_each(|((t, (((p, u), scratch), part)), pull)| {
+                    *part = this.rows_of_task(cycle, field, t * task, p, u, scratch, Some(pull));
+                });
+                // The first row of a task hangs on the last one of another.
+                let p = &*p;
+                pull.par_chunks_mut(task * row_len).enumerate().for_each(|(t, pull)| {
+                    let row = t * task;
+                    let (here, above) = (rows(p, local, row), this.above(p, row));
+                    this.gather(-this.weight2, here, above, row + 1 == grid.height, &mut pull[..row_len]);
+                });
+            }
+        }
+        let mut report = LocalReport::default();
+        parts.iter().for_each(|part| report += *part);
+        (self.scratch, self.parts) = (scratch, parts);
+        report
+    }
+
+    /// Rows from `first` on; the pull of the first of them is left to the caller.
+    fn rows_of_task(
+        &self,
+        cycle: &Cycle,
+        field: &[f64],
+        first: usize,
+        p: &mut [f64],
+        u: &mut [f64],
+        scratch: &mut [f64],
+        mut pull: Option<&mut [f64]>,
+    ) -> LocalReport {
+        let (grid, local) = (self.grid, self.local_row());
+        let (c, v) = scratch.split_at_mut(local);
+        let (mut report, mut sums) = (LocalReport::default(), Sums::default());
+        for k in 0..p.len() / local {
+            let row = first + k;
+            let at = k * local..(k + 1) * local;
+            self.differences(field, row, c);
+            let (p_row, u_row) = (&mut p[at.clone()], &mut u[at.clone()]);
+            begin(cycle.relaxation, c, p_row, u_row, v);
+            let pixels = row * grid.width..(row + 1) * grid.width;
+            report.value_after += self.of.prox(pixels, v, self.weight2);
+            sums.end(cycle.order, c, v, p_row, u_row);
+            if let (Some(pull), 1..) = (pull.as_deref_mut(), k) {
+                let out = &mut pull[k * grid.row_len()..(k + 1) * grid.row_len()];
+                let above = &p[at.start - local..at.start];
+                self.gather(-self.weight2, &p[at], Some(above), row + 1 == grid.height, out);
+            }
+        }
+        sums.report(self.weight2, report)
+    }
+
+    /// Sums a function over rows, in the order of rows.
+    fn sum_rows<R: Send + Default + std::ops::AddAssign>(
+        &self,
+        x: &[f64],
+        of: impl Fn(usize, &mut [f64]) -> R + Sync,
+    ) -> R {
+        let (grid, field) = (self.grid, self.field(x));
+        let tasks: Vec<R> = (0..self.scratch.len())
+            .into_par_iter()
+            .map(|t| {
+                let mut c = vec![0.0; self.local_row()];
+                let mut sum = R::default();
+                for row in t * grid.task_rows()..((t + 1) * grid.task_rows()).min(grid.height) {
+                    self.differences(field, row, &mut c);
+                    sum += of(row, &mut c);
+                }
+                sum
+            })
+            .collect();
+        tasks.into_iter().fold(R::default(), |mut all, part| {
+            all += part;
+            all
+        })
+    }
+
+    fn pixels(&self, row: usize) -> std::ops::Range<usize> {
+        row * self.grid.width..(row + 1) * self.grid.width
+    }
+}
+
+/// Row `row` of a vector of rows.
+fn rows(p: &[f64], local: usize, row: usize) -> &[f64] {
+    &p[row * local..(row + 1) * local]
+}
+
+/// The differences of a row of a field.
+fn differences(grid: Grid, boundary: Boundary, field: &[f64], row: usize, out: &mut [f64]) {
+    let (w, len) = (grid.width, grid.row_len());
+    let here = &field[row * len..(row + 1) * len];
+    let below = match boundary {
+        _ if row + 1 < grid.height => Some(&field[(row + 1) * len..(row + 2) * len]),
+        Boundary::Periodic => Some(&field[..len]),
+        Boundary::Neumann => None,
+    };
+    for c in 0..grid.channels {
+        let of = &here[c * w..(c + 1) * w];
+        let (along, down) = out[2 * c * w..(2 * c + 2) * w].split_at_mut(w);
+        for (out, pair) in along.iter_mut().zip(of.windows(2)) {
+            *out = pair[1] - pair[0];
+        }
+        if let (Some(out), [first, ..], [.., last]) = (along.last_mut(), of, of) {
+            *out = if boundary == Boundary::Periodic { first - last } else { 0.0 };
+        }
+        match below {
+            Some(below) => {
+                let below = &below[c * w..(c + 1) * w];
+                down.iter_mut().zip(below.iter().zip(of)).for_each(|(out, (b, a))| *out = b - a);
+            }
+            None => down.fill(0.0),
+        }
+    }
+}
+
+impl<P: Pointwise> Term for GradientTerm<P> {
+    fn n_elems(&self) -> usize {
+        self.grid.n_pixels()
+    }
+
+    fn is_hard(&self) -> bool {
+        self.of.is_hard()
+    }
+
+    fn local_len(&self) -> usize {
+        2 * self.grid.len()
+    }
+
+    fn couple(&mut self, x: &[f64], out: &mut [f64]) {
+        let (local, field) = (self.local_row(), self.field(x));
+        let rows = out.par_chunks_mut(local).enumerate().with_min_len(self.grid.task_rows());
+        rows.for_each(|(row, out)| self.differences(field, row, out));
+    }
+
+    fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
+        self.cycle_step(&Cycle::PLAIN, x, p, u, grad)
+    }
+
+    fn cycle_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
+        let mut c = vec![0.0; p.len()];
+        self.couple(x, &mut c);
+        let square = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
+        let z: Vec<f64> = p.iter().zip(u.iter()).map(|(p, u)| p + u).collect();
+        let value_before = (0..self.grid.height)
+            .map(|row| self.of.value(self.pixels(row), rows(&z, self.local_row(), row)))
+            .sum::<f64>();
+        // c + u - z with the u that the prox is taken with: over-relaxed it is u + (alpha - 1)(c - z).
+        let alpha = cycle.relaxation;
+        let v: Vec<f64> = c.iter().zip(u.iter()).zip(&z).map(|((c, u), z)| c + u + (alpha - 1.0) * (c - z)).collect();
+        let penalty_before = 0.5 * self.weight2 * square(&mut v.iter().zip(&z).map(|(v, z)| v - z));
+        let report = self.sweep(cycle, x, p, u, None);
+        let after = v.iter().zip(p.iter().zip(u.iter())).map(|(v, (p, u))| v - (p + u));
+        let penalty_after = 0.5 * self.weight2 * square(&mut { after });
+        let objective = self.penalty(x, p, grad).value;
+        LocalReport { value_before, penalty_before, penalty_after, objective, ..report }
+    }
+
+    fn pull_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], pull: &mut [f64]) -> LocalReport {
+        self.sweep(cycle, x, p, u, Some(pull))
+    }
+
+    fn local_work(&self) -> f64 {
+        /// Nanoseconds a number of the local vector.
+        const NUMBER: f64 = 2.0;
+        NUMBER * self.local_len() as f64
+    }
+
+    fn dual_map(&self) -> DualMap {
+        self.of.dual_map()
+    }
+
+    fn dual(&mut self, z: &[f64], u: &mut [f64]) {
+        if self.of.dual_map() == DualMap::None {
+            return;
+        }
+        let local = self.local_row();
+        u.copy_from_slice(z);
+        u.par_chunks_mut(local).enumerate().for_each(|(row, u)| {
+            self.of.gradient(self.pixels(row), u);
+            u.iter_mut().for_each(|u| *u /= self.weight2);
+        });
+    }
+
+    fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
+        let mut gap = vec![0.0; p.len()];
+        self.couple(x, &mut gap);
+        gap.par_iter_mut().zip(p).for_each(|(c, p)| *c -= p);
+        self.add_adjoint(self.weight2, &gap, grad);
+        PenaltyReport { value: 0.5 * self.weight2 * vector::dot(&gap, &gap), energy: None }
+    }
+
+    fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport {
+        if let Some(grad) = grad {
+            let mut slopes = vec![0.0; self.local_len()];
+            self.couple(x, &mut slopes);
+            let rows = slopes.par_chunks_mut(self.local_row()).enumerate();
+            rows.for_each(|(row, c)| self.of.gradient(self.pixels(row), c));
+            self.add_adjoint(1.0, &slopes, grad);
+        }
+        self.sum_rows(x, |row, c| EnergyReport {
+            value: self.of.value(self.pixels(row), c),
+            violation: self.of.violation(self.pixels(row), c),
+            ..EnergyReport::default()
+        })
+    }
+
+    fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual {
+        let local = self.local_row();
+        self.sum_rows(x, |row, c| {
+            let (mut gap2, mut size2) = (0.0, 0.0);
+            for ((c, p), u) in c.iter().zip(rows(p, local, row)).zip(rows(u, local, row)) {
+                let z = p + u;
+                gap2 += (c - z) * (c - z);
+                size2 += z * z;
+            }
+            Residual { gap2: self.weight2 * gap2, size2: self.weight2 * size2 }
+        })
+    }
+
+    fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {
+        let (w, h, len) = (self.grid.width, self.grid.height, self.grid.row_len());
+        for row in 0..h {
+            for c in 0..self.grid.channels {
+                for j in 0..w {
+                    let at = |row: usize, j: usize| (self.first + row * len + c * w + j) as u32;
+                    let right = at(row, if j + 1 < w { j + 1 } else { self.other_side(0, j) });
+                    let below = at(if row + 1 < h { row + 1 } else { self.other_side(0, row) }, j);
+                    visit(&[at(row, j), right, below]);
+                }
+            }
+        }
+    }
+
+    fn add_normal(&self, pattern: &SymPattern, values: &mut [f64]) {
+        let mut add = |i: u32, j: u32, value: f64| {
+            let (i, j) = (i.max(j) as usize, i.min(j) as usize);
+            if i < pattern.n()
+                && let Some(slot) = pattern.slot(i, j)
+            {
+                values[slot] += value;
+            }
+        };
+        self.for_each_element(&mut |nodes| {
+            for to in &nodes[1..] {
+                if *to != nodes[0] {
+                    add(nodes[0], nodes[0], self.weight2);
+                    add(*to, *to, self.weight2);
+                    add(*to, nodes[0], -self.weight2);
+                }
+            }
+        });
+    }
+
+    fn add_characteristic_force(&self, size: &mut [f64]) {
+        // |D_i|: a pixel is in the differences to four neighbours.
+        let field = self.first.min(size.len())..(self.first + self.grid.len()).min(size.len());
+        size[field].iter_mut().for_each(|size| *size += 2.0 * self.of.force());
+    }
+
+    fn scale(&self) -> Scale {
+        let measure = self.grid.n_pixels() as f64;
+        Scale { measure, weight2: self.weight2 * measure, energy: 0.5 * self.of.force() * measure, hessian: 1.0 }
+    }
+
+    fn local_weights2(&self, out: &mut [f64]) {
+        out.fill(self.weight2);
+    }
+
+    fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
+        self.candidate = self.weight2.clamp(range.0 * self.base, range.1 * self.base);
+        (self.candidate / self.weight2).max(self.weight2 / self.candidate)
+    }
+
+    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
+        false
+    }
+
+    fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
+        let ratio = self.weight2 / self.candidate;
+        for (p, u) in p.iter_mut().zip(u) {
+            let z = *p + *u;
+            *u *= ratio;
+            *p = z - *u;
+        }
+        self.weight2 = self.candidate;
+    }
+}
+
+impl<P: Pointwise> GradientTerm<P> {
+    /// What lies behind the last one: the first, or itself.
+    fn other_side(&self, first: usize, last: usize) -> usize {
+        if self.boundary == Boundary::Periodic { first } else { last }
+    }
+}
