@@ -5,9 +5,11 @@
 mod grid;
 mod image;
 mod prox;
+mod spectral;
 mod term;
 
 pub use grid::{Boundary, Grid};
 pub use image::{Image, ImageError};
-pub use prox::{Pointwise, TotalVariation};
-pub use term::GradientTerm;
+pub use prox::{Interval, Observed, Pointwise, Squares, TotalVariation};
+pub use spectral::{BlurredSquares, Column, Fourier, FourierStep, Layout, Psf, Spectra, Symbol, convolve};
+pub use term::{GradientTerm, PixelTerm};
