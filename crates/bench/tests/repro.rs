@@ -250,3 +250,19 @@ fn the_nearest_integrable_field() {
     }
     assert!(out.join("aa-figure12-ball.png").exists() && read(&out, "aa-figure12.md").contains("| ball |"));
 }
+
+#[test]
+fn a_wavefront_on_z_alone_and_by_gmres() {
+    let out = folder("aa-figure11");
+    let options = Options { out: out.clone(), quick: true, max_iters: Some(400), ..Options::default() };
+    run("aa-figure11", &options, &mut |_| ()).expect("figure 11");
+    let csv = read(&out, "aa-figure11.csv");
+    let reached = |method: &str| {
+        let start = format!("speckle,{method},1e-2,");
+        let row = csv.lines().find(|l| l.starts_with(&start) && l.ends_with(",combined")).expect("a row");
+        row[start.len()..].split(',').next().and_then(|n| n.parse::<usize>().ok()).expect("reached")
+    };
+    let (plain, alone, gmres) = (reached("admm"), reached("aa z m=6"), reached("gmres(10)"));
+    assert!(3 * alone < 2 * plain && 3 * gmres < 2 * plain, "{alone} and {gmres} of {plain}");
+    assert!(read(&out, "aa-figure11.md").contains("| gmres(10) |"));
+}

@@ -19,6 +19,7 @@ use crate::refusal::Refusal;
 use crate::replay::ReplayArgs;
 use crate::simulate::{SchemaArgs, SimulateArgs};
 use crate::unwrap::UnwrapArgs;
+use crate::wavefront::WavefrontArgs;
 
 /// Poses elastic bodies, lets them move, and flattens surfaces: minimises deformation energies under constraints.
 #[derive(Parser)]
@@ -37,6 +38,7 @@ Examples:
   proxel planarize roof.obj --out flat.obj              planar faces, for panels of glass
   proxel simulate scene.toml --out run                  bodies in motion, for ParaView
   proxel geodesic bunny.obj --source 9689 --out distance.vtu
+  proxel wavefront reference.png captured.png --out phi.tif
   proxel batch unwrap scans --out uv --jobs 8           all meshes in a folder
   proxel convert body.msh --out body.vtu --refine 1
 
@@ -56,6 +58,8 @@ pub enum Command {
     Simulate(Box<SimulateArgs>),
     /// Measure distances along a surface from some of its vertices.
     Geodesic(Box<GeodesicArgs>),
+    /// Find the wavefront that a coded sensor has seen, from an image without and one with it.
+    Wavefront(Box<WavefrontArgs>),
     /// Solve a problem again that --dump has written.
     Replay(Box<ReplayArgs>),
     /// Print the JSON Schema of an input.

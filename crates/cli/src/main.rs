@@ -29,6 +29,7 @@ mod refusal;
 mod replay;
 mod simulate;
 mod unwrap;
+mod wavefront;
 
 use std::process::ExitCode;
 
@@ -50,6 +51,7 @@ fn main() -> ExitCode {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
+        Command::Wavefront(args) => wavefront::run(&args),
         Command::Planarize(args) => planarize::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Replay(args) => replay::run(&args),

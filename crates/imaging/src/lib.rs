@@ -4,9 +4,11 @@
 
 mod grid;
 mod image;
+pub mod io;
 mod prox;
 mod spectral;
 mod term;
+pub mod wavefront;
 
 pub use grid::{Boundary, Grid};
 pub use image::{Image, ImageError};

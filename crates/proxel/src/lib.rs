@@ -2,7 +2,8 @@
 //!
 //! This crate is the facade: applications that turn a description (meshes, pins, settings) into a problem for the
 //! splitting engine and its result back into what the user gave. [`deform`] poses bodies, [`keyframes`] move their
-//! handles, [`simulate`] lets them fall. [`geodesic`] measures surfaces, [`shape`] makes their faces planar.
+//! handles, [`simulate`] lets them fall. [`geodesic`] measures surfaces, [`shape`] makes their faces planar. [`wavefront`]
+//! compares images.
 //! [`problem_file`] keeps a problem, to be solved again.
 
 pub mod deform;
@@ -17,7 +18,9 @@ pub mod settings;
 pub mod shape;
 pub mod simulate;
 pub mod unwrap;
+pub mod wavefront;
 
+pub use proxel_imaging as imaging;
 pub use proxel_linalg as linalg;
 pub use proxel_mesh as mesh;
 pub use proxel_model as model;

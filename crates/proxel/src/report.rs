@@ -87,6 +87,28 @@ pub struct Report {
     /// What is known of distances, likewise.
     #[serde(flatten)]
     pub geodesic: Option<GeodesicReport>,
+    /// What is known of a wavefront, likewise.
+    #[serde(flatten)]
+    pub wavefront: Option<WavefrontReport>,
+}
+
+/// What `wavefront` adds to a report.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct WavefrontReport {
+    /// Levels of the pyramid.
+    pub levels: usize,
+    /// Linearised problems that were solved, one a warp.
+    pub problems: usize,
+    /// Least value of phi.
+    pub phi_min: f64,
+    /// Largest value of phi.
+    pub phi_max: f64,
+    /// Root mean square of phi, whose mean is 0.
+    pub phi_rms: f64,
+    /// Largest |grad phi| between pixels: shift of the image, in pixels.
+    pub shift_max: f64,
+    /// Coefficients in Noll's order from number 1, where they were asked for.
+    pub zernike: Vec<f64>,
 }
 
 /// What `geodesic` adds to a report.

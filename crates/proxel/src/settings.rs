@@ -6,6 +6,7 @@ mod newton;
 mod penalty;
 mod rivals;
 mod unwrap;
+mod wavefront;
 
 pub use geodesic::{GeodesicMethod, GeodesicSettings, GradientForm};
 pub use method::MethodName;
@@ -13,6 +14,7 @@ pub use newton::{NewtonSettings, ProjectionName};
 pub use penalty::PenaltyName;
 pub use rivals::{AndersonWindows, QuasiNewton};
 pub use unwrap::{MapSplitting, UnwrapMethod, UnwrapSettings};
+pub use wavefront::{WavefrontMethod, WavefrontSettings};
 
 use proxel_model::energy::{Lame, Limited, MaterialError};
 use proxel_split::{Hardening, InnerStop, LbfgsSettings, Precision, Range, Reweighting};

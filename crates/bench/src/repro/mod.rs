@@ -226,6 +226,13 @@ pub const ALL: [Reproduction; 28] = [
         run: aa::falling::figure6,
     },
     Reproduction {
+        name: "aa-figure11",
+        about: "a coded wavefront sensor: ADMM, Anderson on z alone and on both, GMRES, conjugate gradients",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::figure11::run,
+    },
+    Reproduction {
         name: "aa-figure12",
         about: "geodesic distances: the nearest integrable field by ADMM and AA-ADMM, beside a sparse system, pictures",
         models: &[],

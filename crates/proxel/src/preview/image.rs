@@ -25,6 +25,13 @@ impl Image {
         Image { width, height, pixels }
     }
 
+    /// Of rows of `width` pixels; what is left of a last row that is not full is dropped.
+    pub(crate) fn from_pixels(width: usize, mut pixels: Vec<[u8; 3]>) -> Self {
+        let height = pixels.len() / width.max(1);
+        pixels.truncate(width * height);
+        Image { width, height, pixels }
+    }
+
     pub(super) fn put_row(&mut self, x: usize, y: usize, row: &[[u8; 3]]) {
         let first = y * self.width + x;
         self.pixels[first..first + row.len()].copy_from_slice(row);

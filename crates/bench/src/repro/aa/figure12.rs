@@ -136,7 +136,7 @@ fn course(
 }
 
 /// Steps until the combined residual A(12) is below `floor`; what it takes to know that is no part of the time.
-fn combined(
+pub(super) fn combined(
     problem: &str,
     name: &str,
     method: &mut dyn Method,
