@@ -147,6 +147,10 @@ impl<P: Pointwise> Term for PixelTerm<P> {
         }
     }
 
+    fn local_value(&self, z: &[f64]) -> Option<f64> {
+        Some(self.sum_rows(z, |pixels, z| self.of.value(pixels, z)))
+    }
+
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
         let gap: Vec<f64> = x[self.nodes()].iter().zip(p).map(|(x, p)| x - p).collect();
         vector::add_scaled(&mut grad[self.nodes()], self.weight2, &gap);

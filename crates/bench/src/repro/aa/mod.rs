@@ -5,6 +5,7 @@ mod contest;
 mod course;
 pub mod equal_time;
 pub mod falling;
+pub mod figure10;
 pub mod figure11;
 pub mod figure12;
 pub mod figure2;
