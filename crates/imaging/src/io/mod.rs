@@ -7,6 +7,7 @@
 //! Files are checked for what they claim before memory is taken for it: by [`MAX_SAMPLES`], and by how many pixels so
 //! many compressed bytes can hold at most.
 
+mod exif;
 #[cfg(test)]
 mod fuzz;
 mod jpeg;
@@ -58,7 +59,7 @@ impl Depth {
 pub enum Format {
     /// `.png`: one or three channels of 8 or 16 bits, alpha, EXIF, ICC.
     Png,
-    /// `.tif`, `.tiff`: any number of channels, 8, 16 or 32 bits or floating point, alpha, ICC; not compressed.
+    /// `.tif`, `.tiff`: any number of channels, 8, 16 or 32 bits or floating point, alpha, EXIF, ICC; not compressed.
     Tiff,
     /// `.npy`: float64, (height, width) or (height, width, channels), and nothing beside it.
     Npy,

@@ -105,7 +105,12 @@ fn jpeg_with_exif_and_profile() {
     assert_eq!(colour.icc.as_deref(), Some(b"profile of nothing".as_slice()));
     assert!(colour.exif.as_deref().is_some_and(|e| e.starts_with(b"II") || e.starts_with(b"MM")));
     let png = again(&colour, Format::Png);
-    assert_eq!((png.image, png.exif, png.icc), (colour.image, colour.exif, colour.icc));
+    assert_eq!((&png.image, &png.exif, &png.icc), (&colour.image, &colour.exif, &colour.icc));
+    // To TIFF and back the block is laid out anew, and says the same.
+    let tiff = again(&colour, Format::Tiff);
+    let said = |file: &ImageFile| exif::parse(file.exif.as_deref().unwrap()).map(exif::kept).unwrap();
+    assert_eq!((said(&tiff), &tiff.icc), (said(&colour), &colour.icc));
+    assert!(said(&tiff).iter().any(|e| e.tag == 0x112), "the orientation");
     assert!(wrong(CMYK).contains("convert it to RGB"));
     assert!(wrong(&COLOUR[..COLOUR.len() / 2]).contains("truncated"));
 }

@@ -6,6 +6,7 @@ use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
+use super::exif;
 use super::samples::{interleaved, note_clipped, planes, quantise};
 use super::{Depth, Encoded, ImageFile, Result, check_size};
 use crate::image::ImageError;
@@ -97,8 +98,10 @@ pub(super) fn parse(data: &[u8]) -> Result<ImageFile> {
         divide_by_alpha(&mut file);
     }
     file.icc = tag(&mut decoder, Tag::IccProfile).and_then(|v| v.into_u8_vec().ok());
-    if tag(&mut decoder, Tag::ExifDirectory).is_some() {
-        file.notes.push("EXIF of the TIFF is left out".to_owned());
+    let said = exif::parse(data).map(exif::kept).filter(|kept| !kept.is_empty());
+    file.exif = said.and_then(|kept| exif::block(&kept));
+    if file.exif.is_none() && tag(&mut decoder, Tag::ExifDirectory).is_some() {
+        file.notes.push("EXIF is left out: it is damaged, or that of a BigTIFF".to_owned());
     }
     if decoder.more_images() {
         file.notes.push("of the pages of the TIFF the first is taken".to_owned());
@@ -152,12 +155,10 @@ struct Writer {
     entries: Vec<(u16, u16, u32, [u8; 4])>, // tag, type, count, value or offset
 }
 
-const BYTE_SIZES: [(u16, u32); 3] = [(3, 2), (4, 4), (7, 1)]; // SHORT, LONG, UNDEFINED
-
 impl Writer {
-    /// A tag with values of a type of [`BYTE_SIZES`], in bytes.
+    /// A tag with values of a type, in bytes.
     fn tag(&mut self, tag: u16, kind: u16, value: &[u8]) -> Result<()> {
-        let size = BYTE_SIZES.iter().find(|(k, _)| *k == kind).map_or(1, |(_, size)| *size);
+        let (size, _) = exif::sizes(kind).unwrap_or((1, 1));
         let mut held = [0; 4];
         if value.len() <= 4 {
             held[..value.len()].copy_from_slice(value);
@@ -168,8 +169,19 @@ impl Writer {
             held = offset(self.bytes.len())?.to_le_bytes();
             self.bytes.extend_from_slice(value);
         }
-        self.entries.push((tag, kind, offset(value.len())? / size, held));
+        self.entries.push((tag, kind, offset(value.len() / size)?, held));
         Ok(())
+    }
+
+    /// A directory of its own, and a tag that says where.
+    fn directory(&mut self, tag: u16, inside: &[exif::Entry]) -> Result<()> {
+        if self.bytes.len() % 2 == 1 {
+            self.bytes.push(0);
+        }
+        let laid = exif::lay_out(inside, self.bytes.len());
+        let (bytes, first) = laid.ok_or_else(|| ImageError("the image is too large for TIFF; use .npy".to_owned()))?;
+        self.bytes.extend(bytes);
+        self.long(tag, first)
     }
 
     fn shorts(&mut self, tag: u16, values: &[u16]) -> Result<()> {
@@ -221,8 +233,9 @@ pub(super) fn encode(file: &ImageFile) -> Result<Encoded> {
     if !file.depth.is_float() {
         note_clipped(file, &mut lost);
     }
-    if file.exif.is_some() {
-        lost.push("EXIF is left out: it is carried to PNG only".to_owned());
+    let said = file.exif.as_deref().and_then(exif::parse).map(exif::kept);
+    if file.exif.is_some() && said.is_none() {
+        lost.push("EXIF is left out: it is damaged".to_owned());
     }
     if !file.png_display.is_empty() {
         lost.push("gamma, primaries and resolution of the PNG are left out".to_owned());
@@ -263,6 +276,12 @@ pub(super) fn encode(file: &ImageFile) -> Result<Encoded> {
             kinds[extra - 1] = UNASSOCIATED_ALPHA as u16;
         }
         w.shorts(338, &kinds)?;
+    }
+    for entry in said.unwrap_or_default() {
+        match &entry.value {
+            exif::Value::Bytes(value) => w.tag(entry.tag, entry.kind, value)?,
+            exif::Value::Directory(inside) => w.directory(entry.tag, inside)?,
+        }
     }
     if let Some(icc) = &file.icc {
         w.tag(34675, 7, icc)?;

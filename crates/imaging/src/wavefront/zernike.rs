@@ -3,8 +3,8 @@
 use super::Plane;
 use crate::ImageError;
 
-/// The most coefficients: radial degree up to 14.
-pub const MOST_COEFFICIENTS: usize = 120;
+/// The most coefficients: radial degree up to 10.
+pub const MOST_COEFFICIENTS: usize = 66;
 
 /// Radial degree n and azimuthal frequency m (negative: sine) of number j >= 1 in Noll's order (Noll 1976).
 pub fn noll(j: usize) -> (usize, isize) {
@@ -17,25 +17,36 @@ pub fn noll(j: usize) -> (usize, isize) {
     (n, if j % 2 == 0 { m as isize } else { -(m as isize) })
 }
 
-/// sum over s of (-1)^s (n - s)! / (s! ((n + m)/2 - s)! ((n - m)/2 - s)!) rho^(n - 2s)
-fn radial(n: usize, m: usize, rho: f64) -> f64 {
-    let factorial = |k: usize| (1..=k).map(|k| k as f64).product::<f64>();
-    let term = |s: usize| {
-        let sign = if s % 2 == 0 { 1.0 } else { -1.0 };
-        let below = factorial(s) * factorial((n + m) / 2 - s) * factorial((n - m) / 2 - s);
-        sign * factorial(n - s) / below * rho.powi((n - 2 * s) as i32)
-    };
-    (0..=(n - m) / 2).map(term).sum()
+/// A polynomial of the disk, ready to be evaluated: root mean square 1.
+struct Polynomial {
+    m: isize,
+    radial: Vec<f64>, // of rho^|m|, rho^(|m| + 2), ...
+}
+
+impl Polynomial {
+    /// R(rho) = sum over s of (-1)^s (n - s)! / (s! ((n + m)/2 - s)! ((n - m)/2 - s)!) rho^(n - 2s), by Noll's number.
+    fn new(j: usize) -> Self {
+        let (n, m) = noll(j);
+        let k = m.unsigned_abs();
+        let factorial = |k: usize| (1..=k).map(|k| k as f64).product::<f64>();
+        let size = ((n + 1) as f64 * if k == 0 { 1.0 } else { 2.0 }).sqrt();
+        let term = |s: usize| {
+            let sign = if s.is_multiple_of(2) { size } else { -size };
+            sign * factorial(n - s) / (factorial(s) * factorial((n + k) / 2 - s) * factorial((n - k) / 2 - s))
+        };
+        Polynomial { m, radial: (0..=(n - k) / 2).rev().map(term).collect() }
+    }
+
+    fn at(&self, rho: f64, angle: f64) -> f64 {
+        let k = self.m.unsigned_abs();
+        let radial = self.radial.iter().rev().fold(0.0, |sum, c| sum * rho * rho + c) * rho.powi(k as i32);
+        radial * if self.m >= 0 { (k as f64 * angle).cos() } else { (k as f64 * angle).sin() }
+    }
 }
 
 /// Number j of Noll's order on the unit disk, of root mean square 1 there.
 pub fn zernike(j: usize, x: f64, y: f64) -> f64 {
-    let (n, m) = noll(j);
-    let (rho, angle) = (x.hypot(y), y.atan2(x));
-    let k = m.unsigned_abs();
-    let size = ((n + 1) as f64 * if k == 0 { 1.0 } else { 2.0 }).sqrt();
-    let around = if m >= 0 { (k as f64 * angle).cos() } else { (k as f64 * angle).sin() };
-    size * radial(n, k, rho) * around
+    Polynomial::new(j).at(x.hypot(y), y.atan2(x))
 }
 
 /// Coefficients 1 to `count` in Noll's order of a wavefront over the largest disk in its middle, by least squares over the
@@ -50,19 +61,24 @@ pub fn coefficients(phi: &Plane, count: usize) -> Result<Vec<f64>, ImageError> {
     let radius = 0.5 * phi.width.min(phi.height) as f64;
     let centre = [0.5 * (phi.height as f64 - 1.0), 0.5 * (phi.width as f64 - 1.0)];
     let mut normal = vec![vec![0.0; count + 1]; count];
+    let polynomials: Vec<Polynomial> = (1..=count).map(Polynomial::new).collect();
     let mut basis = vec![0.0; count];
     for i in 0..phi.height {
         for j in 0..phi.width {
             let (y, x) = ((i as f64 - centre[0]) / radius, (j as f64 - centre[1]) / radius);
-            if x.hypot(y) > 1.0 {
+            let (rho, angle) = (x.hypot(y), y.atan2(x));
+            if rho > 1.0 {
                 continue;
             }
-            basis.iter_mut().enumerate().for_each(|(k, b)| *b = zernike(k + 1, x, y));
+            basis.iter_mut().zip(&polynomials).for_each(|(b, p)| *b = p.at(rho, angle));
             for (a, row) in normal.iter_mut().enumerate() {
-                (0..count).for_each(|b| row[b] += basis[a] * basis[b]);
+                (a..count).for_each(|b| row[b] += basis[a] * basis[b]);
                 row[count] += basis[a] * phi.values[i * phi.width + j];
             }
         }
+    }
+    for a in 1..count {
+        (0..a).for_each(|b| normal[a][b] = normal[b][a]);
     }
     // Nearly the unit matrix times the number of pixels, so that elimination needs no pivots.
     let pixels = normal[0][0];
