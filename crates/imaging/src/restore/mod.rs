@@ -94,6 +94,8 @@ pub struct Model {
     pub form: Form,
     /// Penalty rho, the squared weight of the gradient term.
     pub penalty: f64,
+    /// That of the data term where it is split, and of the range; by lambda and rho if none.
+    pub data_penalty: Option<f64>,
 }
 
 /// A problem and the step that solves for x.
@@ -205,6 +207,7 @@ impl Model {
             range: None,
             form: Form::Auto,
             penalty,
+            data_penalty: None,
         }
     }
 
@@ -215,8 +218,10 @@ impl Model {
         if !(self.lambda > 0.0 && self.lambda.is_finite()) {
             return refuse(format!("lambda is {}; it has to be positive", self.lambda));
         }
-        if !(self.penalty > 0.0 && self.penalty.is_finite()) {
-            return refuse(format!("the penalty is {}; it has to be positive", self.penalty));
+        if let Some(p) =
+            [Some(self.penalty), self.data_penalty].into_iter().flatten().find(|p| !(*p > 0.0 && p.is_finite()))
+        {
+            return refuse(format!("a penalty is {p}; it has to be positive"));
         }
         let (width, height, psf) = (self.width, self.height, &self.psf);
         if psf.width > width || psf.height > height {
@@ -309,7 +314,7 @@ impl Model {
     fn data_penalty(&self) -> f64 {
         /// Of 2 lambda.
         const PART: f64 = 0.1;
-        (PART * 2.0 * self.lambda).max(self.penalty)
+        self.data_penalty.unwrap_or_else(|| (PART * 2.0 * self.lambda).max(self.penalty))
     }
 }
 

@@ -59,7 +59,7 @@ pub fn choose_lambda(
     let mut tried: Vec<Risk> = Vec::new();
     // lambda = b / (2 s^2) is the maximum of the likelihood for steps of mean 2b; 1/rho is such a step.
     let first = 1.0 / (2.0 * noise * noise * model.penalty);
-    let mut at = |k: i32, tried: &mut Vec<Risk>| -> Result<f64, ImageError> {
+    let at = |k: i32, tried: &mut Vec<Risk>| -> Result<f64, ImageError> {
         let lambda = first * 2f64.powi(k);
         if let Some(known) = tried.iter().find(|risk| risk.lambda == lambda) {
             return Ok(known.value);
@@ -76,7 +76,7 @@ pub fn choose_lambda(
     };
     /// Steps to either side.
     const FARTHEST: i32 = 10;
-    let mut k = 0;
+    let mut k: i32 = 0;
     let mut here = at(0, &mut tried)?;
     let way = if at(1, &mut tried)? < here { 1 } else { -1 };
     while k.abs() < FARTHEST && !stop() {

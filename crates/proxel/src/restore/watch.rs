@@ -12,25 +12,33 @@ pub(super) struct GapTolerance<'a> {
     tol: f64,
     field: &'a Field,
     next: usize,
+    rounding: f64, // a gap of this size is one
 }
+
+/// Part of the objective at the start, an image of zeros, below which a gap is rounding: the objective of an image of one
+/// value is 0.
+const ROUNDING: f64 = 1e-11;
 
 /// The gap is looked at every so many iterations: it costs about as much as one.
 const EVERY: usize = 5;
 
 impl<'a> GapTolerance<'a> {
     pub(super) fn new(tol: f64, field: &'a Field) -> Self {
-        GapTolerance { tol, field, next: EVERY }
+        GapTolerance { tol, field, next: EVERY, rounding: 0.0 }
     }
 }
 
 impl Stop for GapTolerance<'_> {
     fn check(&mut self, method: &mut dyn Method, report: &StepReport) -> Option<Verdict> {
+        if report.iteration == 0 {
+            self.rounding = ROUNDING * method.energy().value;
+        }
         if report.iteration < self.next {
             return None;
         }
         self.next = report.iteration + EVERY;
         let gap = duality_gap(method, self.field)?;
-        (gap.relative() <= self.tol).then(|| Verdict {
+        (gap.relative() <= self.tol || gap.gap <= self.rounding).then(|| Verdict {
             status: Status::Converged,
             reason: format!(
                 "the duality gap is {:.2e} of the objective, at most {:e} (images with values from {:.3} to {:.3})",

@@ -78,7 +78,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     );
     for (name, form, rho, iteration, elsewhere) in ROWS {
         let mut model = Model::new(&scene.seen, scene.psf.clone(), Edges::Periodic, LAMBDA);
-        (model.form, model.penalty) = (form, rho);
+        (model.form, model.penalty, model.data_penalty) = (form, rho, Some(rho));
         let built = model.build(None).map_err(BenchError::from_display)?;
         let field = built.field.clone();
         let mut method = built.method(name, iteration).map_err(BenchError::from_display)?;
