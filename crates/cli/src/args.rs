@@ -15,9 +15,9 @@ use crate::demo_animation::ANIMATION;
 use crate::demo_unwrap::UNWRAP;
 use crate::geodesic::GeodesicArgs;
 use crate::imaging::{DeblurArgs, DenoiseArgs, InpaintArgs};
-use crate::planarize::PlanarizeArgs;
 use crate::refusal::Refusal;
 use crate::replay::ReplayArgs;
+use crate::shape::{PlanarizeArgs, RecipeArgs, WireArgs};
 use crate::simulate::{SchemaArgs, SimulateArgs};
 use crate::unwrap::UnwrapArgs;
 use crate::wavefront::WavefrontArgs;
@@ -37,6 +37,8 @@ Examples:
   proxel deform body.node --pins hands.toml --out posed.vtu
   proxel unwrap spot.obj --out spot-uv.obj              texture coordinates
   proxel planarize roof.obj --out flat.obj              planar faces, for panels of glass
+  proxel wire net.obj --edge-length 0.02 --out w.obj    edges of one length, for wires
+  proxel shape recipe.toml --out shaped.obj             any constraints on any part of a mesh
   proxel simulate scene.toml --out run                  bodies in motion, for ParaView
   proxel geodesic bunny.obj --source 9689 --out distance.vtu
   proxel deblur photo.png --psf kernel.png --out sharp.png
@@ -56,6 +58,10 @@ pub enum Command {
     Unwrap(Box<UnwrapArgs>),
     /// Make the faces of a mesh planar, near to a reference surface.
     Planarize(Box<PlanarizeArgs>),
+    /// Give all edges of a mesh one length, and angles a range, near to a reference surface.
+    Wire(Box<WireArgs>),
+    /// Bring a mesh under any constraints that a recipe lists.
+    Shape(Box<RecipeArgs>),
     /// Let bodies of a scene move: implicit dynamics with obstacles and hard strain limits.
     Simulate(Box<SimulateArgs>),
     /// Measure distances along a surface from some of its vertices.

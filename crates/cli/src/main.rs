@@ -24,10 +24,10 @@ mod imaging;
 mod info;
 mod interrupt;
 mod picture;
-mod planarize;
 mod progress;
 mod refusal;
 mod replay;
+mod shape;
 mod simulate;
 mod unwrap;
 mod wavefront;
@@ -52,11 +52,13 @@ fn main() -> ExitCode {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
+        Command::Planarize(args) => shape::planarize(&args),
+        Command::Wire(args) => shape::wire(&args),
+        Command::Shape(args) => shape::recipe(&args),
         Command::Deblur(args) => imaging::deblur(&args),
         Command::Denoise(args) => imaging::denoise(&args),
         Command::Inpaint(args) => imaging::inpaint(&args),
         Command::Wavefront(args) => wavefront::run(&args),
-        Command::Planarize(args) => planarize::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Schema(args) => simulate::schema(&args),

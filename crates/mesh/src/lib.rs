@@ -2,7 +2,7 @@
 //!
 //! A [`Mesh`] is what a file says, 0-based and in file order; nothing is renumbered, merged or
 //! repaired behind the user's back. [`read_mesh`] and [`write_mesh`] pick the format by extension,
-//! [`check`] finds what is wrong with a mesh, [`topology`] who touches whom, [`refine`] splits
+//! [`check`] finds what is wrong with a mesh, [`topology`] who touches whom, [`refine`] and [`subdivide`] split
 //! elements, [`generate`] makes meshes without files, [`winding`] tells inside from outside, [`embed`] puts any
 //! surface into a lattice of tetrahedra, [`uv`] reads, writes and certifies maps of a surface to the plane, and
 //! [`write_series`] writes meshes in motion.
@@ -16,6 +16,7 @@ pub mod generate;
 mod io;
 mod mesh;
 pub mod refine;
+pub mod subdivide;
 pub mod topology;
 pub mod uv;
 mod vec3;

@@ -157,7 +157,7 @@ fn without_columns_it_is_the_plain_iteration_bit_for_bit_on_any_number_of_thread
             method.x().iter().map(|x| x.to_bits()).collect::<Vec<_>>()
         })
     };
-    for algorithm in [Algorithm::One, Algorithm::Two, Algorithm::Three, Algorithm::Four] {
+    for algorithm in [Algorithm::One, Algorithm::Two, Algorithm::TwoRaw, Algorithm::Three, Algorithm::Four] {
         let order = algorithm.order();
         assert!(path(1, None, order, 0) == path(2, Some(algorithm), order, 0), "{algorithm:?}");
         assert!(path(1, Some(algorithm), order, 5) == path(3, Some(algorithm), order, 5), "{algorithm:?}");

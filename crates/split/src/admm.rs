@@ -56,6 +56,7 @@ pub struct Admm {
     last: Option<LocalReport>, // of the last iteration
     before: Vec<f64>,          // x of the free nodes before the last global step of the z-x-u order; else empty
     cycle: Cycle,
+    alternations: usize, // local and global steps before an update of the duals, in the z-x-u order
     coupled: Vec<Vec<f64>>, // c(Dx) after the global step of the z-x-u order; else empty
     balancing: Option<Balance>,
     safe: Option<SafePenalty>,
@@ -112,6 +113,7 @@ impl Admm {
             last: None,
             before: Vec::new(),
             cycle: Cycle::PLAIN,
+            alternations: 1,
             coupled: Vec::new(),
             balancing: None,
             safe: None,
@@ -140,6 +142,22 @@ impl Admm {
             Order::Zxu => self.u.clone(),
         };
         self.cycle = cycle;
+        Ok(self)
+    }
+
+    /// The augmented Lagrangian method as Deng et al. 2015 run it: so many updates of z and x in turns before each update of
+    /// u, in the z-x-u order. One is ADMM. [`StepReport::inner`] counts them.
+    ///
+    /// # Errors
+    /// None of them, and the other order.
+    pub fn with_alternations(mut self, alternations: usize) -> Result<Self, BuildError> {
+        if alternations == 0 {
+            return Err(BuildError::Setting("0 alternations; give at least 1".to_string()));
+        }
+        if self.cycle.order != Order::Zxu {
+            return Err(BuildError::Order { algorithm: "alm", needs: Order::Zxu });
+        }
+        self.alternations = alternations;
         Ok(self)
     }
 
@@ -275,12 +293,8 @@ impl Admm {
         }
     }
 
-    /// The second half: W(10a), and the weights.
-    pub(crate) fn global_half(&mut self, local: LocalReport) -> Result<StepReport, SystemError> {
-        if self.cycle.order == Order::Zxu {
-            self.before.clear();
-            self.before.extend_from_slice(&self.x);
-        }
+    /// W(10a); inner steps.
+    fn positions_step(&mut self, local: &LocalReport) -> Result<usize, SystemError> {
         let mut objective = Objective {
             problem: &mut self.problem,
             p: &self.p,
@@ -290,6 +304,16 @@ impl Admm {
         let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, &mut self.grad)?;
         self.energy = global.energy;
         self.f = global.quadratic;
+        Ok(global.inner)
+    }
+
+    /// The second half: W(10a), and the weights.
+    pub(crate) fn global_half(&mut self, local: LocalReport) -> Result<StepReport, SystemError> {
+        if self.cycle.order == Order::Zxu {
+            self.before.clear();
+            self.before.extend_from_slice(&self.x);
+        }
+        let inner = self.positions_step(&local)?;
         self.moved2 = local.moved2;
         self.last = Some(local);
         if self.cycle.order == Order::Zxu {
@@ -299,7 +323,7 @@ impl Admm {
         self.iteration += 1;
         Ok(StepReport {
             iteration: self.iteration,
-            inner: global.inner,
+            inner,
             refactorised,
             accepted: true,
             energy_z: local.value_after,
@@ -415,8 +439,14 @@ impl Method for Admm {
     }
 
     fn step(&mut self) -> Result<StepReport, SystemError> {
-        let local = self.local_half(); // W(10b), W(10c)
-        self.global_half(local) // W(10a), W(22)-(23)
+        let mut local = self.local_half(); // W(10b), W(10c)
+        let mut inner = 0;
+        for _ in 1..self.alternations {
+            inner += self.positions_step(&local)?;
+            local = self.local_half();
+        }
+        let report = self.global_half(local)?; // W(10a), W(22)-(23)
+        Ok(StepReport { inner: report.inner + inner, ..report })
     }
 
     fn x(&self) -> &[f64] {

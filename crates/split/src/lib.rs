@@ -49,9 +49,9 @@ mod untangle;
 pub mod vector;
 
 pub use accelerated::{
-    Accelerated, Acceleration, Account, Algorithm, BuildError, Carrier, CombinedResidual, CombinedResidualZxu,
-    DouglasRachford, DualAlone, Envelope, Extrapolated, Extrapolation, ForwardResidual, ForwardResidualZxu, History,
-    LocalAlone, Merit, Sense,
+    Accelerated, Acceleration, Account, Algorithm, Alternation, BuildError, Carrier, CombinedResidual,
+    CombinedResidualRaw, CombinedResidualZxu, DouglasRachford, DualAlone, Envelope, Extrapolated, Extrapolation,
+    ForwardResidual, ForwardResidualZxu, History, LocalAlone, Merit, Sense,
 };
 pub use accelerator::{Accelerator, Anderson, Iterate, Kind, Momentum, Proposal, Unaccelerated};
 pub use admm::{Admm, AdmmSettings};

@@ -7,7 +7,7 @@ use proxel_split::{
     Acceleration, Admm, Algorithm, Balancing, BuildError, Cycle, Extrapolation, History, Kind, Method, Order, vector,
 };
 
-const PAPER: [Algorithm; 4] = [Algorithm::One, Algorithm::Two, Algorithm::Three, Algorithm::Four];
+const PAPER: [Algorithm; 5] = [Algorithm::One, Algorithm::Two, Algorithm::TwoRaw, Algorithm::Three, Algorithm::Four];
 
 /// The plain iteration in the order of an algorithm.
 fn plain(law: Law, algorithm: Algorithm) -> Admm {
@@ -79,6 +79,7 @@ fn every_part_converges_to_the_minimum() {
         (Algorithm::Two, Extrapolation::Momentum { eta: 0.999, corrected: false }, SMOOTH),
         (Algorithm::One, Extrapolation::Momentum { eta: 0.999, corrected: true }, SMOOTH),
         (Algorithm::Envelope, Extrapolation::anderson(6), SMOOTH),
+        (Algorithm::Reflection, Extrapolation::anderson(6), SMOOTH),
         (Algorithm::LocalAlone, Extrapolation::anderson(6), quadratic),
         (Algorithm::DualAlone, Extrapolation::anderson(6), quadratic),
     ] {
@@ -230,7 +231,7 @@ fn hard_sets_hold_in_the_order_that_allows_them() {
     let limited = Law { limits: Some((0.95, 1.05)), ..SMOOTH };
     let mut exact = admm(problem(limited, true)).with_cycle(Cycle { order: Order::Zxu, relaxation: 1.0 }).expect("ok");
     run(&mut exact, 4000);
-    for algorithm in [Algorithm::Two, Algorithm::Four] {
+    for algorithm in [Algorithm::Two, Algorithm::TwoRaw, Algorithm::Four] {
         let mut method = accelerated(limited, Acceleration::anderson(algorithm, 6));
         run(&mut *method, 600);
         let apart = method.x().iter().zip(exact.x()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -261,4 +262,48 @@ fn the_next_step_in_time_begins_as_a_new_method_would() {
             assert_eq!((method.x(), a.trial), (fresh.x(), b.trial), "{algorithm:?}, step {step}");
         }
     }
+}
+
+/// The Douglas-Rachford iteration judged by its residual takes the points of ADMM where nothing is proposed.
+#[test]
+fn a_reflection_without_columns_is_the_plain_iteration() {
+    let mut plain = plain(SMOOTH, Algorithm::One);
+    let by = Extrapolation::None;
+    let mut none = accelerated(SMOOTH, Acceleration { algorithm: Algorithm::Reflection, by, history: History::Keep });
+    for _ in 0..20 {
+        let report = (plain.step().expect("a step"), none.step().expect("a step")).1;
+        assert_eq!(plain.x(), none.x());
+        // |W(Dx - z)|^2 of the new x and the z that it follows.
+        let forward = none.forward_residual().expect("there is a z");
+        let merit = report.merit.expect("a merit");
+        assert!((merit - forward).abs() <= 1e-12 * forward, "{merit} {forward}");
+    }
+}
+
+/// Several updates of z and x before one of u: one of them is ADMM, all have its minimum.
+#[test]
+fn the_augmented_lagrangian_method_has_the_minimum_of_admm() {
+    let alm = |n: usize| plain(SMOOTH, Algorithm::Two).with_alternations(n).expect("the z-x-u order");
+    let (mut admm, mut one) = (plain(SMOOTH, Algorithm::Two), alm(1));
+    run(&mut admm, 30);
+    run(&mut one, 30);
+    assert_eq!(admm.x(), one.x());
+    run(&mut admm, 3000);
+    for n in [2, 7] {
+        let mut several = alm(n);
+        let report = several.step().expect("a step");
+        assert_eq!(report.inner, n, "a solve each");
+        run(&mut several, 2000);
+        let apart = several.x().iter().zip(admm.x()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-9, "{n}: {apart}");
+    }
+    assert!(plain(SMOOTH, Algorithm::Two).with_alternations(0).is_err());
+    let e = plain(SMOOTH, Algorithm::One).with_alternations(2).err().expect("x-z-u");
+    assert!(e.to_string().contains("z-x-u order"), "{e}");
+}
+
+#[test]
+fn what_needs_no_duals_or_all_of_them_says_so() {
+    let e = Acceleration::anderson(Algorithm::Alternation, 3).of(admm(problem(SMOOTH, true))).err().expect("a dual");
+    assert!(matches!(e, BuildError::Dual { term: 0, .. }) && e.to_string().contains("algorithm 2"), "{e}");
 }

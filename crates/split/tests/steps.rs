@@ -37,7 +37,9 @@ fn a_step_of_another_length_needs_new_numbers_only() {
         of
     };
     let start = problem(SMOOTH, true).x0;
-    for algorithm in [Algorithm::One, Algorithm::Two, Algorithm::Three, Algorithm::Four, Algorithm::Envelope] {
+    for algorithm in
+        [Algorithm::One, Algorithm::Two, Algorithm::TwoRaw, Algorithm::Three, Algorithm::Four, Algorithm::Envelope]
+    {
         let of = |problem| Acceleration::anderson(algorithm, 4).of(admm(problem)).expect("a method");
         assert_alike(of(problem(SMOOTH, true)), of(fresh()), &start, &format!("{algorithm:?}"));
     }

@@ -63,7 +63,7 @@ pub enum Kind {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 29] = [
+pub const ALL: [Reproduction; 34] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -191,6 +191,13 @@ pub const ALL: [Reproduction; 29] = [
         run: maps::figures::figure11,
     },
     Reproduction {
+        name: "aa-figure1",
+        about: "a quad mesh made planar (costa): ADMM, AA-ADMM and others, residuals, planarity, pictures at equal time",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::figure1::run,
+    },
+    Reproduction {
         name: "aa-figure2",
         about: "three bars, Algorithms 1 to 4 of AA-ADMM beside plain ADMM: residuals against iterations and time",
         models: &[],
@@ -224,6 +231,27 @@ pub const ALL: [Reproduction; 29] = [
         models: &[],
         kind: Kind::Moving,
         run: aa::falling::figure6,
+    },
+    Reproduction {
+        name: "aa-figure7",
+        about: "a wire mesh: ADMM and AA-ADMM, residuals, errors of edges and angles, pictures at equal time",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::figure7::run,
+    },
+    Reproduction {
+        name: "aa-figure8",
+        about: "the same wire mesh by the penalty method under three weights, against ADMM: errors and distances, pictures",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::figure8::run,
+    },
+    Reproduction {
+        name: "aa-figure9",
+        about: "as aa-figure1, another mesh (airport)",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::figure9::run,
     },
     Reproduction {
         name: "aa-figure10",

@@ -55,8 +55,8 @@ pub struct SimulateArgs {
 /// The arguments of `proxel schema`.
 #[derive(Args)]
 pub struct SchemaArgs {
-    /// What is described: scene, the input of `proxel simulate`.
-    #[arg(value_name = "WHAT", value_parser = ["scene"])]
+    /// What is described: scene, the input of `proxel simulate`; recipe, that of `proxel shape`.
+    #[arg(value_name = "WHAT", value_parser = ["scene", "recipe"])]
     pub what: String,
 }
 

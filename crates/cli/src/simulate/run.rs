@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use proxel::problem_file::ProblemFile;
 use proxel::report::{Report, Seconds, TraceRow};
+use proxel::shape::recipe_schema;
 use proxel::simulate::{Folder, FrameRecord, Hooks, Progress, SceneFile, Simulation, State, schema as scene_schema};
 
 use super::{SchemaArgs, SimulateArgs, report};
@@ -13,9 +14,10 @@ use crate::interrupt::{Interrupt, exit_status};
 use crate::progress::Bar;
 use crate::refusal::Refusal;
 
-/// Prints the JSON Schema of scenes.
-pub fn schema(_: &SchemaArgs) -> Result<u8, Refusal> {
-    let text = serde_json::to_string_pretty(&scene_schema());
+/// Prints the JSON Schema of scenes, or of recipes.
+pub fn schema(args: &SchemaArgs) -> Result<u8, Refusal> {
+    let schema = if args.what == "recipe" { recipe_schema() } else { scene_schema() };
+    let text = serde_json::to_string_pretty(&schema);
     say!("{}", text.map_err(|e| Refusal::new(format!("the schema cannot be printed: {e}")))?);
     Ok(0)
 }

@@ -2,7 +2,7 @@
 
 use super::cells::CHUNK;
 use super::gather::Gather;
-use super::{Cells, Reduction, Set, V3, dot, sub};
+use super::{Cells, Hint, Reduction, Set, V3, dot, sub};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
 use rayon::prelude::*;
@@ -16,6 +16,14 @@ pub enum Hold {
     /// As far as the weight w of w/2 dist(Dx, C)^2 makes them. z is the point nearest to Dx; there is no dual. In the
     /// x-step z is held, which bounds the distance from above: Bouaziz et al. 2012.
     Soft(f64),
+    /// The same w/2 dist(z, C)^2, split off with a dual: z lies between Dx + u and the point of the set nearest to it,
+    /// at w/(w + mu) of the way. What methods need that have no variable besides (z, u): Ouyang et al. 2020.
+    Split {
+        /// w
+        weight: f64,
+        /// mu
+        mu: f64,
+    },
 }
 
 /// A [`Term`] over [`Cells`]: one virtual call a batch, static inside. Local vectors are rows of three, element by
@@ -23,30 +31,34 @@ pub enum Hold {
 pub struct Batch<R, S> {
     cells: Arc<Cells<R, S>>,
     hold: Hold,
+    value: f64,     // sum g(z) of the last local step, where sets are soft and split off
     base: f64,      // mu as it was given
     weight2: f64,   // as it is
     candidate: f64, // as it may become
     gather: Gather,
-    z: Vec<V3>,      // scratch; for soft sets the nearest point to `at`
-    at: Vec<V3>,     // Dx that z is nearest to, where sets are soft: a pass at the same x does not ask again
-    forces: Vec<V3>, // scratch: a corner each
+    z: Vec<V3>,       // scratch; for soft sets the nearest point to `at`
+    at: Vec<V3>,      // Dx that z is nearest to, where sets are soft: a pass at the same x does not ask again
+    forces: Vec<V3>,  // scratch: a corner each
+    hints: Vec<Hint>, // of sets that search, an element each
 }
 
 impl<R: Reduction, S: Set> Batch<R, S> {
     /// Of cells that are kept elsewhere too.
     pub fn new(cells: Arc<Cells<R, S>>, hold: Hold) -> Self {
         let weight = match hold {
-            Hold::Hard(mu) => mu,
+            Hold::Hard(mu) | Hold::Split { mu, .. } => mu,
             Hold::Soft(w) => w,
         };
         let local = cells.len() * cells.rows;
-        let at = if matches!(hold, Hold::Soft(_)) { vec![[f64::NAN; 3]; local] } else { Vec::new() };
+        let at = if !matches!(hold, Hold::Hard(_)) { vec![[f64::NAN; 3]; local] } else { Vec::new() };
         Batch {
             gather: Gather::new(&cells.nodes),
             z: vec![[0.0; 3]; local],
             at,
             forces: vec![[0.0; 3]; cells.nodes.len()],
+            hints: if cells.set.takes_hints() { vec![Hint::default(); cells.len()] } else { Vec::new() },
             hold,
+            value: 0.0,
             base: weight,
             weight2: weight,
             candidate: weight,
@@ -56,6 +68,14 @@ impl<R: Reduction, S: Set> Batch<R, S> {
 
     fn is_soft(&self) -> bool {
         matches!(self.hold, Hold::Soft(_))
+    }
+
+    /// w of g(z) = w/2 dist(z, C)^2, where z has a dual: none for a hard set.
+    fn split_weight(&self) -> Option<f64> {
+        match self.hold {
+            Hold::Split { weight, .. } => Some(weight),
+            _ => None,
+        }
     }
 
     /// Adds the forces of all corners to their nodes.
@@ -68,8 +88,9 @@ impl<R: Reduction, S: Set> Batch<R, S> {
         let cells = &*self.cells;
         let rows = cells.rows;
         let x = x.as_chunks::<3>().0;
-        let numbers = self.z.par_chunks_mut(CHUNK * rows).zip(self.at.par_chunks_mut(CHUNK * rows)).enumerate();
-        numbers.for_each(|(chunk, (z, at))| {
+        let numbers = self.z.par_chunks_mut(CHUNK * rows).zip(self.at.par_chunks_mut(CHUNK * rows));
+        let hints = hints_by_chunk(&mut self.hints, cells.len());
+        numbers.zip(hints).enumerate().for_each(|(chunk, ((z, at), hints))| {
             let mut c = vec![[0.0; 3]; rows];
             for (k, (z, at)) in z.chunks_exact_mut(rows).zip(at.chunks_exact_mut(rows)).enumerate() {
                 let e = chunk * CHUNK + k;
@@ -77,7 +98,7 @@ impl<R: Reduction, S: Set> Batch<R, S> {
                 if c != at {
                     at.copy_from_slice(&c);
                     z.copy_from_slice(&c);
-                    cells.set.project(e, z);
+                    nearest(&cells.set, e, z, hints.get_mut(k));
                 }
             }
         });
@@ -89,9 +110,13 @@ impl<R: Reduction, S: Set> Batch<R, S> {
         let (rows, corners) = (cells.rows, cells.corners);
         let x = x.as_chunks::<3>().0;
         let updates_dual = cycle.order == Order::Xzu;
+        let weight = self.split_weight();
+        // z = v + part (P(v) - v): P(v) is the point nearest to all of the way.
+        let part = weight.map_or(1.0, |w| w / (w + w2));
         let state = p.par_chunks_mut(CHUNK * rows).zip(u.par_chunks_mut(CHUNK * rows));
         let scratch = self.z.par_chunks_mut(CHUNK * rows).zip(self.forces.par_chunks_mut(CHUNK * corners));
-        let chunks = scratch.zip(state).enumerate().map(|(chunk, ((z, forces), (p, u)))| {
+        let hints = hints_by_chunk(&mut self.hints, cells.len());
+        let chunks = scratch.zip(state).zip(hints).enumerate().map(|(chunk, (((z, forces), (p, u)), hints))| {
             let mut report = LocalReport::default();
             let elements = forces.chunks_exact_mut(corners).zip(z.chunks_exact_mut(rows));
             let state = p.chunks_exact_mut(rows).zip(u.chunks_exact_mut(rows));
@@ -109,13 +134,16 @@ impl<R: Reduction, S: Set> Batch<R, S> {
                         u[r][d] = if updates_dual { z[r][d] } else { u[r][d] };
                     }
                 }
-                cells.set.project(e, z);
+                nearest(&cells.set, e, z, hints.get_mut(k));
                 for r in 0..rows {
                     for d in 0..3 {
-                        let (c, z) = (f[r][d], z[r][d]);
+                        let c = f[r][d];
+                        let v = if updates_dual { u[r][d] } else { c + u[r][d] };
+                        let nearest = z[r][d];
+                        let z = if part < 1.0 { v + part * (nearest - v) } else { nearest };
+                        report.value_after += weight.map_or(0.0, |w| 0.5 * w * (z - nearest).powi(2));
                         report.moved2 += w2 * (z - p[r][d]).powi(2);
                         report.gap2 += w2 * (c - z).powi(2);
-                        let v = if updates_dual { u[r][d] } else { c + u[r][d] };
                         report.penalty_after += 0.5 * w2 * (v - z).powi(2);
                         u[r][d] = if updates_dual { v - z } else { u[r][d] };
                         p[r][d] = z - u[r][d];
@@ -169,13 +197,34 @@ impl<R: Reduction, S: Set> Batch<R, S> {
     }
 }
 
+/// The hints of the elements of each chunk; none where there are none.
+fn hints_by_chunk(hints: &mut [Hint], n: usize) -> impl IndexedParallelIterator<Item = &mut [Hint]> {
+    let chunk = if hints.is_empty() { 0 } else { CHUNK };
+    let mut left = hints;
+    let parts: Vec<&mut [Hint]> = (0..n.div_ceil(CHUNK))
+        .map(|_| {
+            let (first, others) = std::mem::take(&mut left).split_at_mut(chunk.min(left.len()));
+            left = others;
+            first
+        })
+        .collect();
+    parts.into_par_iter()
+}
+
+fn nearest(set: &impl Set, e: usize, z: &mut [V3], hint: Option<&mut Hint>) {
+    match hint {
+        Some(hint) => set.project_from(e, z, hint),
+        None => set.project(e, z),
+    }
+}
+
 impl<R: Reduction, S: Set> Term for Batch<R, S> {
     fn n_elems(&self) -> usize {
         self.cells.len()
     }
 
     fn is_hard(&self) -> bool {
-        !self.is_soft()
+        matches!(self.hold, Hold::Hard(_))
     }
 
     fn local_len(&self) -> usize {
@@ -212,8 +261,10 @@ impl<R: Reduction, S: Set> Term for Batch<R, S> {
             // What it is worth; penalties and residuals are those of split variables.
             LocalReport { value_after: objective, objective, ..LocalReport::default() }
         } else {
-            self.split(cycle, x, p.as_chunks_mut::<3>().0, u.as_chunks_mut::<3>().0)
+            let report = self.split(cycle, x, p.as_chunks_mut::<3>().0, u.as_chunks_mut::<3>().0);
+            LocalReport { value_before: self.value, ..report }
         };
+        self.value = if self.is_soft() { 0.0 } else { report.value_after };
         self.gather(grad);
         report
     }
@@ -226,11 +277,21 @@ impl<R: Reduction, S: Set> Term for Batch<R, S> {
 
     /// Soft: sum w/2 dist^2, with its gradient w D^T (Dx - nearest). Hard: 0, and the largest violation.
     fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport {
-        if !self.is_soft() {
+        if matches!(self.hold, Hold::Hard(_)) {
             let violation = self.cells.violation(x.as_chunks::<3>().0);
             return EnergyReport { violation, ..EnergyReport::default() };
         }
-        let value = self.aim_at_nearest(x);
+        let value = match self.split_weight() {
+            Some(weight) => {
+                // z is scratch of local steps, and mu no part of the objective.
+                self.at.fill([f64::NAN; 3]);
+                let mu = std::mem::replace(&mut self.weight2, weight);
+                let value = self.aim_at_nearest(x);
+                self.weight2 = mu;
+                value
+            }
+            None => self.aim_at_nearest(x),
+        };
         if let Some(grad) = grad {
             self.gather(grad);
         }

@@ -1,6 +1,6 @@
 //! Fairing: quadratics that hold the differential coordinates of a mesh.
 
-use proxel_split::SymmetricForm;
+use proxel_split::{Quadratic, SymmetricForm};
 
 /// A row of L: vertices and their coefficients.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -41,6 +41,36 @@ impl Stencils {
     }
 }
 
+/// How a mesh is faired: weights of the quadratics of [`Stencils`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fairing {
+    /// w of w/2 |L x|^2, the Laplacian: makes the mesh smooth, whatever it was before.
+    pub smooth: f64,
+    /// w of w/2 |L (x - x~)|^2, the relative Laplacian (Liu et al. 2011): holds the shape of before.
+    pub relative: f64,
+}
+
+impl Fairing {
+    /// Makes both part of f: K = (smooth + relative) L^T L, b = relative L^T L x~, and the constant relative/2 |L x~|^2, x~
+    /// being the positions of all vertices, `3 n` numbers.
+    pub fn add_to(&self, stencils: &Stencils, before: &[f64], quadratic: &mut Quadratic) {
+        let n = before.len() / 3;
+        if stencils.is_empty() || !(self.smooth + self.relative > 0.0) {
+            return;
+        }
+        if self.relative > 0.0 {
+            let mut loads = vec![0.0; before.len()];
+            let held = stencils.form(n, self.relative);
+            quadratic.constant += held.value_and_gradient(before, 3, Some(&mut loads));
+            quadratic.loads.resize(before.len(), 0.0);
+            quadratic.loads.iter_mut().zip(loads).for_each(|(b, l)| *b += l);
+        }
+        let form = stencils.form(n, self.smooth + self.relative);
+        let others = std::mem::take(&mut quadratic.form);
+        quadratic.form = if others.is_empty() { form } else { SymmetricForm::sum(&[others, form]) };
+    }
+}
+
 /// The rows of the fairing of Liu et al. 2011 for the polygons of a mesh of n vertices, as A's implementation has them:
 ///
 /// - an inner vertex of four edges: v - (n1 + n3)/2 and v - (n2 + n4)/2, its neighbours in their order around it,
@@ -51,17 +81,7 @@ impl Stencils {
 /// The Laplacian L of [`form`](Stencils::form) times x - x~ holds the shape of before, which is then no part of the
 /// gradient.
 pub fn laplacian<'a>(n: usize, faces: impl Iterator<Item = &'a [u32]> + Clone) -> Stencils {
-    // At each corner the next vertex and the one before it: (vertex, next, before, face).
-    let mut wings: Vec<(u32, u32, u32, u32)> = Vec::new();
-    for (f, face) in faces.enumerate() {
-        for (k, v) in face.iter().enumerate() {
-            let (next, before) = (face[(k + 1) % face.len()], face[(k + face.len() - 1) % face.len()]);
-            if (*v as usize) < n {
-                wings.push((*v, next, before, f as u32));
-            }
-        }
-    }
-    wings.sort_unstable();
+    let wings = wings(n, faces);
     let mut out = Stencils::default();
     for around in wings.chunk_by(|a, b| a.0 == b.0) {
         let v = around[0].0;
@@ -88,6 +108,28 @@ pub fn laplacian<'a>(n: usize, faces: impl Iterator<Item = &'a [u32]> + Clone) -
         }
     }
     out
+}
+
+/// The inner vertices of four faces, each with its neighbours in their order around it, by vertex.
+pub fn rings_of_four<'a>(n: usize, faces: impl Iterator<Item = &'a [u32]>) -> Vec<[u32; 5]> {
+    let wings = wings(n, faces);
+    let closed = |around: &[(u32, u32, u32, u32)]| ring(around).map(|[a, b, c, d]| [around[0].0, a, b, c, d]);
+    wings.chunk_by(|a, b| a.0 == b.0).filter_map(closed).collect()
+}
+
+/// At each corner the next vertex and the one before it, by vertex: (vertex, next, before, face).
+fn wings<'a>(n: usize, faces: impl Iterator<Item = &'a [u32]>) -> Vec<(u32, u32, u32, u32)> {
+    let mut wings: Vec<(u32, u32, u32, u32)> = Vec::new();
+    for (f, face) in faces.enumerate() {
+        for (k, v) in face.iter().enumerate() {
+            let (next, before) = (face[(k + 1) % face.len()], face[(k + face.len() - 1) % face.len()]);
+            if (*v as usize) < n {
+                wings.push((*v, next, before, f as u32));
+            }
+        }
+    }
+    wings.sort_unstable();
+    wings
 }
 
 /// The neighbours of a vertex of four faces in their order around it, whichever way faces are oriented.

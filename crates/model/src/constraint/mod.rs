@@ -14,31 +14,65 @@
 //! | set | reduction | violation |
 //! |---|---|---|
 //! | [`Planar`] | [`MeanCentred`] | largest distance of a corner from the best plane |
+//! | [`Line`] | [`MeanCentred`] | largest distance of a corner from the best line |
+//! | [`Circle`] | [`MeanCentred`] | largest distance of a corner from the best circle |
+//! | [`Parallelogram`], [`Rectangle`], [`RegularPolygon`] | [`MeanCentred`] | farthest way of a corner |
+//! | [`Rigid`], [`Similar`] to given shapes | [`MeanCentred`] | farthest way of a corner |
+//! | [`Conical`] | [`Spokes`] to four neighbours | radians by which opposite angles sum differently |
 //! | [`Length`] | [`EdgeDifference`] | what is missing or too much, over the length wanted |
 //! | [`AngleRange`] | [`TipDifferences`] | radians outside |
-//! | [`Near`] | [`Vertex`] | distance |
+//! | [`Near`] a [`Surface`], a [`Curve`] or a point of its own | [`Vertex`] | distance |
+//! | [`Plane`], or one side of it | [`Vertex`] | distance |
+//! | [`Symmetric`] in a plane | [`Vertices`], two | by how much each is off |
+//!
+//! A vertex is fixed by [`Near::At`], hard; the border of a mesh slides along a [`Curve`] by [`Near::Shared`]. Every set is
+//! tested by the same laws: no other point of it is nearer, motions and scales change nothing, rows are derivatives that lead
+//! to the nearest point up to squares, and ADMM ends in it.
 
 mod angle;
 mod batch;
+mod boxes;
 mod cells;
+mod circle;
+mod complement;
+mod conical;
+mod curve;
 pub mod fairing;
 mod gather;
+#[cfg(test)]
+mod laws;
 mod length;
+mod line;
 mod near;
 mod planar;
+mod plane;
+mod quads;
 mod reduction;
+mod regular;
 mod rows;
+mod surface;
+mod template;
 #[cfg(test)]
 mod tests;
 
 pub use angle::AngleRange;
 pub use batch::{Batch, Hold};
+pub use boxes::Hint;
 pub use cells::{Cells, CellsError};
+pub use circle::{BestCircle, Circle};
+pub use conical::Conical;
+pub use curve::Curve;
 pub use length::Length;
+pub use line::Line;
 pub use near::{Closest, Near, Points};
 pub use planar::{BestPlane, Planar};
-pub use reduction::{EdgeDifference, MeanCentred, Reduction, TipDifferences, Vertex};
+pub use plane::{Plane, PlaneError, Symmetric};
+pub use quads::{Parallelogram, Rectangle};
+pub use reduction::{EdgeDifference, MeanCentred, Reduction, Spokes, TipDifferences, Vertex, Vertices};
+pub use regular::{RegularPolygon, TooFewCorners};
 pub use rows::{Relation, Row, Rows, RowsOf};
+pub use surface::{ShapeIndexError, Surface};
+pub use template::{Rigid, Similar, Template, TemplateError};
 
 /// A point, or a row of a local vector.
 pub type V3 = [f64; 3];
@@ -47,6 +81,17 @@ pub type V3 = [f64; 3];
 pub trait Set: Send + Sync {
     /// v, the rows of element `e`, becomes the nearest point of its set. Where there are several, always the same one.
     fn project(&self, e: usize, v: &mut [V3]);
+
+    /// The same, from where it has ended before: a hint for each element, which changes no result. For sets that search.
+    fn project_from(&self, e: usize, v: &mut [V3], hint: &mut Hint) {
+        let _ = hint;
+        self.project(e, v);
+    }
+
+    /// Whether hints save anything.
+    fn takes_hints(&self) -> bool {
+        false
+    }
 
     /// How far v is outside of the set of element `e`, in the units of the set; 0 within.
     fn violation(&self, e: usize, v: &[V3]) -> f64;
@@ -79,6 +124,11 @@ pub(crate) fn add(a: V3, s: f64, b: V3) -> V3 {
 
 pub(crate) fn scale(s: f64, a: V3) -> V3 {
     a.map(|c| s * c)
+}
+
+/// The largest of distances; one that is not a number stays.
+pub(crate) fn largest(of: impl Iterator<Item = f64>) -> f64 {
+    of.fold(0.0, |m, off| if off <= m { m } else { off })
 }
 
 /// A unit vector that is normal to a: across the axis that a is least along.

@@ -1,12 +1,18 @@
 //! Points near to others.
 
-use super::{Relation, Row, Set, V3, norm, sub};
+use super::{Hint, Relation, Row, Set, V3, norm, sub};
 use std::sync::Arc;
 
 /// What has a nearest point: a surface, a curve.
 pub trait Closest: Send + Sync {
     /// The point nearest to x. Where there are several, always the same one.
     fn closest(&self, x: V3) -> V3;
+
+    /// The same point, found from where a query near by has ended. See [`Hint`].
+    fn closest_from(&self, x: V3, hint: &mut Hint) -> V3 {
+        let _ = hint;
+        self.closest(x)
+    }
 }
 
 /// A point for each element.
@@ -36,6 +42,17 @@ impl Set for Near {
         for v in v {
             *v = self.target(e, *v);
         }
+    }
+
+    fn project_from(&self, e: usize, v: &mut [V3], hint: &mut Hint) {
+        match (self, v) {
+            (Near::Shared(shared), [v]) => *v = shared.closest_from(*v, hint),
+            (_, v) => self.project(e, v),
+        }
+    }
+
+    fn takes_hints(&self) -> bool {
+        matches!(self, Near::Shared(_))
     }
 
     fn violation(&self, e: usize, v: &[V3]) -> f64 {

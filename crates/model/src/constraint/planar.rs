@@ -1,5 +1,6 @@
 //! Polygons whose corners lie in a plane.
 
+use super::complement::complement;
 use super::{Relation, Row, Set, V3, dot};
 use proxel_linalg::svd::eig3_sym;
 
@@ -66,61 +67,13 @@ impl Set for Planar {
         let ([s, t], n) = (plane.along, plane.normal);
         let spanned =
             [vec![1.0; v.len()], v.iter().map(|v| dot(s, *v)).collect(), v.iter().map(|v| dot(t, *v)).collect()];
-        for b in complement(&spanned) {
+        let basis = complement(&spanned);
+        // Corners on a line leave one more, which no plane of theirs needs.
+        let spare = basis.len().saturating_sub(v.len() - 3);
+        for b in basis.into_iter().skip(spare) {
             let value = v.iter().zip(&b).map(|(v, b)| b * dot(n, *v)).sum();
             let gradient: Vec<V3> = b.iter().map(|b| n.map(|c| b * c)).collect();
             row(Row { value, relation: Relation::Zero, gradient: &gradient });
-        }
-    }
-}
-
-/// An orthonormal basis of what is orthogonal to three vectors of k numbers: the last k - 3 columns of the orthogonal
-/// factor of Householder's decomposition.
-fn complement(vectors: &[Vec<f64>; 3]) -> Vec<Vec<f64>> {
-    let k = vectors[0].len();
-    let mut a = vectors.clone();
-    let mut mirrors: Vec<Vec<f64>> = Vec::with_capacity(3);
-    for j in 0..3 {
-        let mut w = vec![0.0; k];
-        w[j..].copy_from_slice(&a[j][j..]);
-        let length = w.iter().map(|c| c * c).sum::<f64>().sqrt();
-        w[j] += if w[j] < 0.0 { -length } else { length };
-        let squared: f64 = w.iter().map(|c| c * c).sum();
-        if squared > 0.0 {
-            a.iter_mut().for_each(|column| mirror(&w, squared, column));
-            mirrors.push(w);
-        }
-    }
-    let column = |j: usize| {
-        let mut e = vec![0.0; k];
-        e[j] = 1.0;
-        mirrors.iter().rev().for_each(|w| mirror(w, w.iter().map(|c| c * c).sum(), &mut e));
-        e
-    };
-    (3..k).map(column).collect()
-}
-
-/// x <- x - 2 w (w . x) / |w|^2
-fn mirror(w: &[f64], squared: f64, x: &mut [f64]) {
-    let along = 2.0 * w.iter().zip(&*x).map(|(w, x)| w * x).sum::<f64>() / squared;
-    x.iter_mut().zip(w).for_each(|(x, w)| *x -= along * w);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::complement;
-
-    #[test]
-    fn the_complement_is_orthonormal_and_orthogonal() {
-        let vectors = [vec![1.0; 6], vec![0.3, -1.0, 2.0, 0.1, -0.7, -0.7], vec![1.0, 0.0, 0.5, -2.0, 0.25, 0.25]];
-        let basis = complement(&vectors);
-        assert_eq!(basis.len(), 3);
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        for (i, b) in basis.iter().enumerate() {
-            assert!(vectors.iter().all(|v| dot(v, b).abs() < 1e-15 * 10.0));
-            assert!(
-                basis.iter().enumerate().all(|(j, c)| (dot(b, c) - f64::from(u8::from(i == j))).abs() < 1e-15 * 10.0)
-            );
         }
     }
 }

@@ -127,3 +127,58 @@ impl Reduction for Vertex {
         1.0
     }
 }
+
+/// x_i - x_0 for all i > 0: what leads from a vertex to its neighbours.
+#[derive(Clone, Copy, Debug)]
+pub struct Spokes;
+
+impl Reduction for Spokes {
+    fn rows(corners: usize) -> Option<usize> {
+        (corners > 1).then_some(corners.saturating_sub(1))
+    }
+
+    fn reduce(x: &[V3], nodes: &[u32], v: &mut [V3]) {
+        if let [hub, others @ ..] = nodes {
+            v.iter_mut().zip(others).for_each(|(v, n)| *v = sub(x[*n as usize], x[*hub as usize]));
+        }
+    }
+
+    fn spread(f: &mut [V3]) {
+        let mut sum = [0.0; 3];
+        for i in (1..f.len()).rev() {
+            f[i] = f[i - 1];
+            sum = sub(sum, f[i]);
+        }
+        if let Some(hub) = f.first_mut() {
+            *hub = sum;
+        }
+    }
+
+    fn normal(i: usize, j: usize, corners: usize) -> f64 {
+        match (i, j) {
+            (0, 0) => corners as f64 - 1.0,
+            (0, _) | (_, 0) => -1.0,
+            (i, j) => f64::from(u8::from(i == j)),
+        }
+    }
+}
+
+/// The vertices themselves, any number of them: for sets that lie somewhere.
+#[derive(Clone, Copy, Debug)]
+pub struct Vertices;
+
+impl Reduction for Vertices {
+    fn rows(corners: usize) -> Option<usize> {
+        (corners > 0).then_some(corners)
+    }
+
+    fn reduce(x: &[V3], nodes: &[u32], v: &mut [V3]) {
+        v.iter_mut().zip(nodes).for_each(|(v, n)| *v = x[*n as usize]);
+    }
+
+    fn spread(_: &mut [V3]) {}
+
+    fn normal(i: usize, j: usize, _: usize) -> f64 {
+        f64::from(u8::from(i == j))
+    }
+}

@@ -105,6 +105,12 @@ pub trait RowsOf: Send + Sync {
 
     /// See [`Cells::violation`].
     fn violation(&self, x: &[V3]) -> f64;
+
+    /// See [`Cells::violations`].
+    fn violations(&self, x: &[V3]) -> Vec<f64>;
+
+    /// The nodes of an element.
+    fn nodes(&self, e: usize) -> &[u32];
 }
 
 impl<R: Reduction, S: Set> RowsOf for Cells<R, S> {
@@ -114,5 +120,13 @@ impl<R: Reduction, S: Set> RowsOf for Cells<R, S> {
 
     fn violation(&self, x: &[V3]) -> f64 {
         Cells::violation(self, x)
+    }
+
+    fn violations(&self, x: &[V3]) -> Vec<f64> {
+        Cells::violations(self, x)
+    }
+
+    fn nodes(&self, e: usize) -> &[u32] {
+        self.element(e)
     }
 }

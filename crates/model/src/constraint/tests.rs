@@ -1,5 +1,5 @@
 use super::*;
-use proxel_split::{Cycle, Order, Term};
+use proxel_split::{Admm, Cycle, Order, Problem, Term};
 use proxel_testkit::random::SplitMix;
 use std::sync::Arc;
 
@@ -168,7 +168,8 @@ fn batches() -> Vec<(Box<dyn Term>, usize)> {
         (Box::new(Batch::new(quads, Hold::Soft(3.0))), 24),
         (Box::new(Batch::new(edges, Hold::Hard(2.0))), 9),
         (Box::new(Batch::new(angles, Hold::Hard(0.5))), 12),
-        (Box::new(Batch::new(near, Hold::Soft(0.7))), 9),
+        (Box::new(Batch::new(near.clone(), Hold::Soft(0.7))), 9),
+        (Box::new(Batch::new(near, Hold::Split { weight: 0.7, mu: 2.5 })), 9),
     ]
 }
 
@@ -178,8 +179,9 @@ fn terms_are_what_they_say() {
     let x: Vec<f64> = (0..18).map(|_| random.uniform(-1.0, 1.0)).collect();
     for (mut term, len) in batches() {
         assert_eq!(term.local_len(), len);
-        let soft = !term.has_dual();
-        assert_eq!(term.is_hard(), !soft);
+        let valued = term.energy(&x, None).value > 0.0;
+        assert_eq!(term.is_hard(), !valued);
+        assert!(term.has_dual() || valued);
         let p: Vec<f64> = (0..len).map(|_| random.uniform(-1.0, 1.0)).collect();
         // The gradient of the penalty, and of the energy of soft sets, by differences.
         let mut grad = vec![0.0; 18];
@@ -293,4 +295,168 @@ fn elements_that_fit_no_set_are_refused() {
     assert!(Cells::<EdgeDifference, _>::new(vec![0, 1, 2], 2, Length::equal(1.0)).is_err());
     assert!(Cells::<TipDifferences, _>::new(vec![0, 1], 2, AngleRange { low: 0.0, high: 1.0 }).is_err());
     assert!(Cells::<MeanCentred, _>::new(vec![], 0, Planar).is_err());
+}
+
+/// w/2 |L x|^2 + v/2 |L (x - x~)|^2, row by row.
+#[test]
+fn both_fairings_are_what_they_say() {
+    let faces: [&[u32]; 3] = [&[0, 1, 2], &[0, 2, 3], &[0, 3, 1]];
+    let stencils = fairing::laplacian(4, faces.into_iter());
+    let mut random = SplitMix::new(6);
+    let (x, before): ([f64; 12], [f64; 12]) = (random.array(-1.0, 1.0), random.array(-1.0, 1.0));
+    for (smooth, relative) in [(0.0, 0.0), (2.0, 0.0), (0.0, 3.0), (0.5, 0.25)] {
+        let mut quadratic = proxel_split::Quadratic::default();
+        fairing::Fairing { smooth, relative }.add_to(&stencils, &before, &mut quadratic);
+        fairing::Fairing { smooth, relative }.add_to(&stencils, &before, &mut quadratic);
+        let mut wanted = 0.0;
+        for (nodes, c) in stencils.iter() {
+            for d in 0..3 {
+                let row = |x: &[f64]| nodes.iter().zip(c).map(|(n, c)| c * x[*n as usize * 3 + d]).sum::<f64>();
+                wanted += 2.0 * (0.5 * smooth * row(&x).powi(2) + 0.5 * relative * (row(&x) - row(&before)).powi(2));
+            }
+        }
+        let mut grad = vec![0.0; 12];
+        let value = quadratic.value_and_gradient(&x, 3, Some(&mut grad));
+        assert!((value - wanted).abs() < 1e-13 * (1.0 + wanted), "{value} {wanted}");
+        for i in 0..12 {
+            let at = |h: f64| {
+                let mut y = x;
+                y[i] += h;
+                quadratic.value_and_gradient(&y, 3, None)
+            };
+            assert!(((at(1e-5) - at(-1e-5)) / 2e-5 - grad[i]).abs() < 1e-7, "{i}");
+        }
+    }
+}
+
+/// A batch keeps the last triangles; its steps have the bits of one that does not, on any number of threads.
+#[test]
+fn batches_with_hints_have_the_same_bits() {
+    struct Cold(Surface);
+    impl Closest for Cold {
+        fn closest(&self, x: V3) -> V3 {
+            self.0.closest(x)
+        }
+    }
+    let mut random = SplitMix::new(12);
+    let points: Vec<V3> = rows(&mut random, 300, 1.0);
+    let triangles: Vec<[u32; 3]> = (0..298).map(|i| [i, i + 1, i + 2]).collect();
+    let surface = || Surface::new(&points, &triangles).unwrap();
+    let n = 3 * super::cells::CHUNK + 7;
+    let start: Vec<V3> = rows(&mut random, n, 1.0);
+    let moves: Vec<Vec<V3>> = (0..6).map(|k| rows(&mut random, n, 0.3 * 0.3_f64.powi(k))).collect();
+    let run = |near: Near, hold: Hold, threads: usize| {
+        let cells = Arc::new(Cells::<Vertex, _>::new((0..n as u32).collect(), 1, near).unwrap());
+        let mut batch = Batch::new(cells, hold);
+        let mut x = start.as_flattened().to_vec();
+        let (mut p, mut u, mut out) = (x.clone(), vec![0.0; 3 * n], Vec::new());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        for step in &moves {
+            x.iter_mut().zip(step.as_flattened()).for_each(|(x, s)| *x += s);
+            let mut grad = vec![0.0; 3 * n];
+            pool.install(|| batch.local_step(&x, &mut p, &mut u, &mut grad));
+            out.push((p.clone(), u.clone(), grad));
+        }
+        out
+    };
+    for hold in [Hold::Soft(2.0), Hold::Hard(1.5)] {
+        let cold = run(Near::Shared(Arc::new(Cold(surface()))), hold, 1);
+        for threads in [1, 2, 3] {
+            assert!(run(Near::Shared(Arc::new(surface())), hold, threads) == cold, "{hold:?} {threads}");
+        }
+    }
+}
+
+/// Fixed vertices are points of their own, hard.
+#[test]
+fn fixed_vertices_stay() {
+    let at = [0.3, 0.1, -0.7];
+    // Points of three elements, which a law asks for one by one.
+    laws::check::<Vertex, _>(1, |m| Near::At(Points(vec![m.point(at); 3])), |_, _| vec![at]);
+}
+
+/// Slow twin: the prox of w/2 dist^2 by search, for a surface that is not flat.
+#[test]
+fn a_soft_set_with_a_dual_has_the_prox_of_its_distance() {
+    let (weight, mu) = (0.7, 2.5);
+    let near = Cells::<Vertex, _>::new(vec![0, 1], 1, Near::Shared(Arc::new(Ball))).unwrap();
+    let mut term = Batch::new(Arc::new(near), Hold::Split { weight, mu });
+    let mut random = SplitMix::new(3);
+    let x: Vec<f64> = (0..6).map(|_| random.uniform(-2.0, 2.0)).collect();
+    let u0: Vec<f64> = (0..6).map(|_| random.uniform(-0.3, 0.3)).collect();
+    let (mut p, mut u, mut grad) = (x.clone(), u0.clone(), vec![0.0; 6]);
+    let report = term.cycle_step(&Cycle::PLAIN, &x, &mut p, &mut u, &mut grad);
+    let mut sum = 0.0;
+    for k in 0..2 {
+        let at = |v: &[f64]| [v[3 * k], v[3 * k + 1], v[3 * k + 2]];
+        let (v, z) = (add(at(&x), 1.0, at(&u0)), add(at(&p), 1.0, at(&u)));
+        let value = |z: V3| {
+            let off = norm(sub(z, Ball.closest(z)));
+            0.5 * weight * off * off
+        };
+        let whole = |z: V3| value(z) + 0.5 * mu * dot(sub(z, v), sub(z, v));
+        for spread in [1.0, 0.1, 1e-2, 1e-3] {
+            for _ in 0..100 {
+                let other = add(z, spread, random.array(-1.0, 1.0));
+                assert!(whole(other) > whole(z) - 1e-12, "{other:?} is better than {z:?}");
+            }
+        }
+        sum += value(z);
+    }
+    assert!((report.value_after - sum).abs() < 1e-13 && sum > 0.0, "{} {sum}", report.value_after);
+    // The objective of x is that of the soft set without a dual.
+    let near = Cells::<Vertex, _>::new(vec![0, 1], 1, Near::Shared(Arc::new(Ball))).unwrap();
+    let mut plain = Batch::new(Arc::new(near), Hold::Soft(weight));
+    let (mut a, mut b) = (vec![0.0; 6], vec![0.0; 6]);
+    let (with, without) = (term.energy(&x, Some(&mut a)), plain.energy(&x, Some(&mut b)));
+    assert_eq!((with.value, a), (without.value, b));
+}
+
+/// Points that are to be on a ball, at distances of each other and near their places, nothing of it hard.
+fn soft_problem() -> Admm {
+    let mut random = SplitMix::new(23);
+    let x0: Vec<f64> = (0..24).map(|_| random.uniform(-1.0, 1.0)).collect();
+    let near = Cells::<Vertex, _>::new((0..8).collect(), 1, Near::Shared(Arc::new(Ball))).unwrap();
+    let pairs: Vec<u32> = (0..8).flat_map(|i| [i, (i + 1) % 8, i, (i + 3) % 8]).collect();
+    let edges = Cells::<EdgeDifference, _>::new(pairs, 2, Length::equal(0.9)).unwrap();
+    let terms: Vec<Box<dyn Term>> = vec![
+        Box::new(Batch::new(Arc::new(near), Hold::Soft(1.0))),
+        Box::new(Batch::new(Arc::new(edges), Hold::Soft(7.0))),
+    ];
+    let problem =
+        Problem { dim: 3, n_free: 8, x0, terms, quadratic: proxel_split::Quadratic::default(), barrier: false };
+    let (name, global) = ("test".to_string(), Box::new(proxel_split::Direct));
+    Admm::new(problem, proxel_split::AdmmSettings { name, global, reweighting: None, renewed_at: None }).unwrap()
+}
+
+/// ShapeUp: Anderson acceleration never lets the objective rise, needs fewer steps, and ends where the gradient vanishes.
+#[test]
+fn nearest_points_and_solves_in_turns_are_accelerated() {
+    use proxel_split::{Acceleration, Algorithm, Method};
+    let zxu = Cycle { order: Order::Zxu, relaxation: 1.0 };
+    let mut plain = soft_problem().with_cycle(zxu).unwrap();
+    let of = |m| Acceleration::anderson(Algorithm::Alternation, m).of(soft_problem()).unwrap();
+    let mut none = of(0);
+    for _ in 0..20 {
+        plain.step().unwrap();
+        let report = none.step().unwrap();
+        assert_eq!(plain.x(), none.x(), "without columns the plain iteration, bit for bit");
+        assert_eq!(report.merit, Some(report.local.objective));
+    }
+    let start = soft_problem().evaluate().gradient_norm;
+    let mut needs = |mut method: Box<dyn Method>| {
+        let mut before = f64::INFINITY;
+        for k in 1..=4000 {
+            let merit = method.step().unwrap().merit.unwrap_or(f64::NEG_INFINITY);
+            assert!(merit <= before * (1.0 + 1e-13), "{k}: {merit} after {before}");
+            before = merit.max(f64::MIN_POSITIVE);
+            if method.evaluate().gradient_norm <= 1e-9 * start {
+                return (k, method.energy().value);
+            }
+        }
+        panic!("no minimum");
+    };
+    let (slow, fast) = (needs(of(0)), needs(of(5)));
+    assert!(2 * fast.0 < slow.0, "{fast:?} {slow:?}");
+    assert!((slow.1 - fast.1).abs() < 1e-9 * (1.0 + slow.1), "{fast:?} {slow:?}");
 }

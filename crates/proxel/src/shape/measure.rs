@@ -1,5 +1,7 @@
 //! What is measured of shapes, in users' terms.
 
+use super::problem::Shape;
+use super::solve::Solved;
 use proxel_mesh::Polygons;
 use proxel_mesh::topology::face_edges;
 use proxel_model::constraint::{BestPlane, V3};
@@ -34,27 +36,51 @@ pub struct ShapeReport {
     pub edge_error_max: Option<Change>,
     /// Mean of the same.
     pub edge_error_mean: Option<Change>,
-    /// Radians outside the range: largest.
+    /// Degrees outside the range: largest.
     pub angle_error_max: Option<Change>,
+    /// Mean of the same.
+    pub angle_error_mean: Option<Change>,
     /// Distance of a vertex from the reference: largest.
     pub reference_distance_max: Option<Change>,
     /// Mean of the same.
     pub reference_distance_mean: Option<Change>,
     /// The shortest edge.
     pub shortest_edge: Option<Change>,
-    /// Faces, or edges and angles, whose hard constraint is violated by more than 1e-9; the worst come first, ten at
-    /// most.
+    /// The constraints of a recipe, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub constraints: Vec<ConstraintReport>,
+    /// Elements whose hard constraint is violated by more than 1e-9; the worst come first, ten at most.
     pub violated: Vec<Violated>,
+}
+
+/// A constraint of a recipe, before and after. Violations are distances over the mean edge, of lengths over the length
+/// wanted, of angles in degrees.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ConstraintReport {
+    /// What the recipe calls it, or its kind and number.
+    pub name: String,
+    /// Its kind.
+    pub kind: String,
+    /// Whether it is hard.
+    pub hard: bool,
+    /// Of how many vertices, edges, faces it is.
+    pub elements: usize,
+    /// The largest violation.
+    pub violation_max: Change,
+    /// The mean.
+    pub violation_mean: Change,
 }
 
 /// An element that is not as it is to be.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Violated {
-    /// "face".
+    /// "face", "edge", "angle".
     pub kind: String,
-    /// Its number, 0-based.
+    /// Its number, 0-based: of the face in the file, of the edge among (smaller, larger) vertex pairs in their order.
     pub index: usize,
-    /// By how much: over the mean edge.
+    /// The vertices that it is of; of an angle the tip first.
+    pub vertices: Vec<u32>,
+    /// By how much: distances over the mean edge, edges over the length wanted, angles in degrees.
     pub violation: f64,
 }
 
@@ -122,13 +148,35 @@ pub fn spread(values: &[f64]) -> [f64; 2] {
     [values.iter().copied().fold(0.0, f64::max), values.iter().sum::<f64>() / values.len().max(1) as f64]
 }
 
-/// Those of `values` above a bound, the largest first, ten at most.
-pub fn worst(kind: &str, values: &[f64], bound: f64) -> Vec<Violated> {
-    // Values that are no numbers are violations too.
-    let holds = |v: f64| v <= bound;
-    let bad = values.iter().enumerate().filter(|(_, v)| !holds(**v));
-    let mut bad: Vec<(usize, f64)> = bad.map(|(i, v)| (i, *v)).collect();
-    bad.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+/// Largest and mean, before and after.
+pub(super) fn changes(before: &[f64], after: &[f64]) -> [Change; 2] {
+    let (before, after) = (spread(before), spread(after));
+    [0, 1].map(|k| Change { before: before[k], after: after[k] })
+}
+
+/// The worst ten.
+pub(super) fn worst(violated: impl Iterator<Item = Violated>) -> Vec<Violated> {
+    let mut bad: Vec<Violated> = violated.collect();
+    bad.sort_by(|a, b| {
+        let order = b.violation.total_cmp(&a.violation).then_with(|| a.kind.cmp(&b.kind));
+        order.then_with(|| a.index.cmp(&b.index))
+    });
     bad.truncate(10);
-    bad.into_iter().map(|(index, violation)| Violated { kind: kind.to_string(), index, violation }).collect()
+    bad
+}
+
+/// What is told of every shape.
+pub(super) fn common(shape: &Shape, solved: &Solved) -> ShapeReport {
+    let distances =
+        |points: &[V3]| shape.distances(points).into_iter().map(|d| d / shape.mean_edge).collect::<Vec<_>>();
+    let [max, mean] = changes(&distances(&shape.start), &distances(&solved.after));
+    let shortest = |points: &[V3]| edge_lengths(points, &shape.faces).1 / shape.mean_edge;
+    ShapeReport {
+        mean_edge: shape.mean_edge_of_user(),
+        reference_distance_max: Some(max),
+        reference_distance_mean: Some(mean),
+        shortest_edge: Some(Change { before: shortest(&shape.start), after: shortest(&solved.after) }),
+        violated: solved.violated.clone(),
+        ..ShapeReport::default()
+    }
 }

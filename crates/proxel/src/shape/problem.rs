@@ -2,20 +2,13 @@
 
 use super::finish::Constraints;
 use super::measure::edge_lengths;
-use super::reference::Surface;
-use super::{ShapeError, ShapeInput, ShapeMethod, ShapeSettings};
-use proxel_mesh::topology::face_edges;
+use super::reference::surface;
+use super::ways::Way;
+use super::{ShapeError, ShapeInput, ShapeSettings};
 use proxel_mesh::{Mesh, Polygons};
-use proxel_model::constraint::{
-    Batch, Cells, Closest, EdgeDifference, Hold, Length, MeanCentred, Near, Planar, Reduction, Set, V3, Vertex, fairing,
-};
-use proxel_split::{Problem, Quadratic, Term};
-use std::collections::BTreeMap;
+use proxel_model::constraint::{Batch, Cells, Closest, Hold, Near, Reduction, RowsOf, Set, V3, Vertex, fairing};
+use proxel_split::{Problem, Quadratic, SymmetricForm, Term};
 use std::sync::Arc;
-
-/// The part of the shortest edge of the input that no edge of a result of `auto` is below: half, and what rounding
-/// takes.
-pub(super) const SHORTEST: f64 = 0.501;
 
 /// A mesh in coordinates of its own: centred, and scaled by a power of two that makes its mean edge about 1, so that no
 /// digit of a coordinate depends on units.
@@ -34,8 +27,50 @@ pub(super) struct Shape {
 /// Its problem: terms for the splitting, and hard sets by themselves.
 pub(super) struct Posed {
     pub problem: Problem,
-    pub constraints: Constraints,
-    pub closeness: f64,
+    pub constraints: Constraints, // the hard ones
+    pub groups: Vec<Group>,       // all that a report tells of
+    pub way: Way,                 // what the method makes of hard and soft
+}
+
+/// In what violations are counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unit {
+    /// Lengths, told over the mean edge.
+    Length,
+    /// Parts of what was wanted, or other numbers without a unit.
+    Plain,
+    /// Radians, told in degrees.
+    Angle,
+}
+
+/// Elements under a set, as a report tells of them.
+#[derive(Clone)]
+pub(super) struct Group {
+    pub kind: String, // "face", "edge", ..
+    pub unit: Unit,
+    pub hard: bool,
+    pub cells: Arc<dyn RowsOf>,
+    pub ids: Option<Vec<u32>>, // numbers of the elements, where they are others than 0, 1, ..
+}
+
+/// How much a constraint matters, and what it is called.
+pub(super) struct Demand {
+    pub hold: Hold,
+    pub kind: String,
+    pub unit: Unit,
+    pub ids: Option<Vec<u32>>,
+}
+
+impl Demand {
+    /// A hard one on elements that are numbered as they come.
+    pub fn hard(mu: f64, kind: &str, unit: Unit) -> Self {
+        Demand { hold: Hold::Hard(mu), kind: kind.to_string(), unit, ids: None }
+    }
+
+    /// With numbers for its elements.
+    pub fn numbered(self, ids: Vec<u32>) -> Self {
+        Demand { ids: Some(ids), ..self }
+    }
 }
 
 fn check_faces(mesh: &Mesh) -> Result<(), ShapeError> {
@@ -74,7 +109,7 @@ impl Shape {
         let reference = input.reference.as_ref().unwrap_or(mesh);
         check_faces(reference)?;
         let corners: Vec<V3> = reference.points.iter().map(own).collect();
-        let (surface, dropped) = Surface::new(&corners, &reference.faces.fan_triangles())
+        let (surface, dropped) = surface(&corners, &reference.faces.fan_triangles())
             .map_err(|e| ShapeError(format!("{}: {e}; give a reference surface with an extent", reference.name)))?;
         let mut warnings = Vec::new();
         if dropped > 0 {
@@ -97,6 +132,18 @@ impl Shape {
         Ok(Shape { faces, surface, start, used, mean_edge, shortest, warnings, center, scale })
     }
 
+    /// Another surface in the same coordinates.
+    ///
+    /// # Errors
+    /// Faces that are none, and a surface without an area.
+    pub fn surface_of(&self, mesh: &Mesh) -> Result<Arc<dyn Closest>, ShapeError> {
+        check_faces(mesh)?;
+        let found = surface(&self.own(&mesh.points), &mesh.faces.fan_triangles());
+        let (surface, _) =
+            found.map_err(|e| ShapeError(format!("{}: {e}; give a surface with an extent", mesh.name)))?;
+        Ok(Arc::new(surface))
+    }
+
     /// From own coordinates to those of the user; vertices of no face as they came.
     pub fn positions(&self, x: &[f64], input: &Mesh) -> Vec<V3> {
         let of = |((x, used), point): ((&V3, &bool), &V3)| match used {
@@ -116,6 +163,11 @@ impl Shape {
         self.mean_edge * self.scale
     }
 
+    /// A length of the user in own coordinates.
+    pub fn own_length(&self, length: f64) -> f64 {
+        length / self.scale
+    }
+
     /// Distances of the vertices of faces from the reference.
     pub fn distances(&self, points: &[V3]) -> Vec<f64> {
         let off = |p: &V3| {
@@ -126,54 +178,50 @@ impl Shape {
     }
 
     /// Soft: closeness to the reference, and fairing; hard: nothing yet.
-    fn posed(&self, settings: &ShapeSettings) -> Result<Posed, ShapeError> {
-        let n = self.start.len();
+    pub fn posed(&self, settings: &ShapeSettings) -> Result<Posed, ShapeError> {
+        let (n, way) = (self.start.len(), Way::of(settings));
         let nodes: Vec<u32> = (0..n as u32).filter(|v| self.used[*v as usize]).collect();
         let near = Cells::<Vertex, _>::new(nodes, 1, Near::Shared(self.surface.clone()))?;
-        let near: Box<dyn Term> = Box::new(Batch::new(Arc::new(near), Hold::Soft(settings.closeness)));
-        let x0 = self.start.as_flattened().to_vec();
+        let near: Box<dyn Term> = Box::new(Batch::new(Arc::new(near), way.hold(Hold::Soft(settings.closeness))));
         let mut quadratic = Quadratic::default();
         let stencils = fairing::laplacian(n, self.faces.iter());
         if settings.fairing > 0.0 && !stencils.is_empty() {
-            // weight/2 |L (x - x~)|^2 = 1/2 x^T K x - (K x~) . x + 1/2 x~^T K x~.
-            quadratic.form = stencils.form(n, settings.fairing);
-            let mut loads = vec![0.0; x0.len()];
-            quadratic.constant = quadratic.form.value_and_gradient(&x0, 3, Some(&mut loads));
-            quadratic.loads = loads;
+            hold_shape(&mut quadratic, stencils.form(n, settings.fairing), &self.start);
         }
         let loose = (0..n as u32).filter(|v| !self.used[*v as usize]);
         quadratic.springs = loose.map(|v| (v, settings.closeness, self.start[v as usize])).collect();
-        let problem = Problem { dim: 3, n_free: n, x0, terms: vec![near], quadratic, barrier: false };
-        Ok(Posed { problem, constraints: Vec::new(), closeness: settings.closeness })
-    }
-
-    /// Planar faces: A, section 4.2.
-    pub fn planarize(&self, settings: &ShapeSettings) -> Result<Posed, ShapeError> {
-        let mut posed = self.posed(settings)?;
-        let mut by_corners: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
-        for face in self.faces.iter().filter(|f| f.len() > 3) {
-            by_corners.entry(face.len()).or_default().extend_from_slice(face);
-        }
-        for (corners, nodes) in by_corners {
-            posed.hold(Cells::<MeanCentred, _>::new(nodes, corners, Planar)?, settings.mu);
-        }
-        if settings.method == ShapeMethod::Auto && !posed.constraints.is_empty() {
-            // The objective of the paper knows no shape of faces, and its minimum may have edges of next to no length.
-            let least = SHORTEST * self.shortest;
-            if least > 0.0 {
-                let edges = face_edges(&self.faces).into_flattened();
-                let lengths = Length::within(least, f64::INFINITY);
-                posed.hold(Cells::<EdgeDifference, _>::new(edges, 2, lengths)?, settings.mu);
-            }
-        }
-        Ok(posed)
+        Ok(Posed { way, ..Posed::new(self.start.as_flattened().to_vec(), vec![near], quadratic) })
     }
 }
 
+/// weight/2 |L (x - x~)|^2 = 1/2 x^T K x - (K x~) . x + 1/2 x~^T K x~ beside what there is, as its only form.
+pub(super) fn hold_shape(quadratic: &mut Quadratic, form: SymmetricForm, before: &[V3]) {
+    let before = before.as_flattened();
+    let mut loads = vec![0.0; before.len()];
+    quadratic.constant += form.value_and_gradient(before, 3, Some(&mut loads));
+    quadratic.form = form;
+    quadratic.loads = loads;
+}
+
 impl Posed {
-    fn hold<R: Reduction, S: Set + 'static>(&mut self, cells: Cells<R, S>, mu: f64) {
+    /// A problem without hard constraints.
+    pub fn new(x0: Vec<f64>, terms: Vec<Box<dyn Term>>, quadratic: Quadratic) -> Self {
+        let n_free = x0.len() / 3;
+        let problem = Problem { dim: 3, n_free, x0, terms, quadratic, barrier: false };
+        Posed { problem, constraints: Vec::new(), groups: Vec::new(), way: Way::default() }
+    }
+
+    /// Adds elements under a set.
+    pub fn constrain<R: Reduction, S: Set + 'static>(&mut self, cells: Cells<R, S>, demand: Demand) {
+        if cells.is_empty() {
+            return;
+        }
         let cells = Arc::new(cells);
-        self.problem.terms.push(Box::new(Batch::new(cells.clone(), Hold::Hard(mu))));
-        self.constraints.push(cells);
+        let hard = matches!(demand.hold, Hold::Hard(_));
+        self.problem.terms.push(Box::new(Batch::new(cells.clone(), self.way.hold(demand.hold))));
+        if hard {
+            self.constraints.push(cells.clone());
+        }
+        self.groups.push(Group { kind: demand.kind, unit: demand.unit, hard, cells, ids: demand.ids });
     }
 }

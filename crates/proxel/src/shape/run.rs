@@ -1,13 +1,13 @@
 //! The course of a run: a splitting, and its finish.
 
-use super::finish::Finish;
+use super::finish::{Constraints, Finish};
 use super::problem::{Posed, Shape};
-use super::{EXACT, ShapeError, ShapeMethod, ShapeSettings};
+use super::{EXACT, ShapeError, ShapeMethod, ShapeSettings, ways};
 use crate::deform::{Hooks, Progress, TimeLimit};
 use crate::report::TraceRow;
 use proxel_split::{
-    Acceleration, Admm, AdmmSettings, Algorithm, Cancel, Cycle, Direct, Extrapolation, History, IterationLimit, Method,
-    Observer, Order, Outcome, ResidualTolerance, Residuals, Status, StepReport, Stop, Verdict, normalized,
+    Admm, AdmmSettings, Cancel, Direct, GradientTolerance, IterationLimit, Method, Observer, Outcome,
+    ResidualTolerance, Residuals, Status, StepReport, Stop, Verdict, normalized, vector,
 };
 use std::time::{Duration, Instant};
 
@@ -30,37 +30,22 @@ pub(super) struct Ended {
 
 /// The normalised combined residual without mu at which `auto` leaves the splitting.
 const SETTLED: f64 = 3e-5;
-/// The residual that is enough after [`PATIENCE`] iterations.
+/// The residual that is enough after [`PATIENCE`] iterations; after three times as many any is, since it will not fall:
+/// constraints may contradict each other.
 const ENOUGH: f64 = 1e-4;
 /// See [`ENOUGH`].
 const PATIENCE: usize = 1000;
 /// Steps of the finish, at most.
 const FINISH: usize = 60;
 
-/// The splitting that settings ask for: z-x-u, under Algorithm 2.
-pub(super) fn splitting(posed: Posed, settings: &ShapeSettings) -> Result<(Box<dyn Method>, Rest), ShapeError> {
-    let Posed { problem, constraints, closeness } = posed;
+/// The splitting that settings ask for.
+pub(super) fn splitting(posed: Posed, settings: &ShapeSettings) -> Result<(Box<dyn Method>, Constraints), ShapeError> {
+    let Posed { problem, constraints, .. } = posed;
     let name = settings.method.as_str().to_string();
     let parts = AdmmSettings { name, global: Box::new(Direct), reweighting: None, renewed_at: None };
     let admm = Admm::new(problem, parts)?;
-    let build = |e: proxel_split::BuildError| ShapeError(e.to_string());
-    let method: Box<dyn Method> = match (settings.method, settings.anderson) {
-        (ShapeMethod::Admm, _) => {
-            Box::new(admm.with_cycle(Cycle { order: Order::Zxu, relaxation: 1.0 }).map_err(build)?)
-        }
-        // The same iterates, with merits, which are the combined residuals.
-        (_, 0) => Acceleration { algorithm: Algorithm::Two, by: Extrapolation::None, history: History::AsPublished }
-            .of(admm)
-            .map_err(build)?,
-        (_, m) => Acceleration::anderson(Algorithm::Two, m).of(admm).map_err(build)?,
-    };
-    Ok((method, Rest { constraints, closeness }))
-}
-
-/// What the finish needs besides the problem.
-pub(super) struct Rest {
-    constraints: super::finish::Constraints,
-    closeness: f64,
+    let method = ways::method(admm, settings).map_err(|e| ShapeError(e.to_string()))?;
+    Ok((method, constraints))
 }
 
 /// Solves.
@@ -71,24 +56,33 @@ pub(super) fn run(
     hooks: &mut Hooks<'_>,
     began: Instant,
 ) -> Result<Ended, ShapeError> {
-    let (mut method, rest) = splitting(posed, settings)?;
+    let (mut method, constraints) = splitting(posed, settings)?;
     let setup = began.elapsed().as_secs_f64();
     let auto = settings.method == ShapeMethod::Auto;
     let mut handover = Handover { a: shape.mean_edge, mu: settings.mu };
-    let mut tolerance = ResidualTolerance::new(settings.tol);
+    // Without duals there are no residuals: what vanishes is the gradient.
+    let penalized = method.problem().terms.iter().all(|term| !term.has_dual());
+    let mut tolerance: Box<dyn Stop> = match penalized {
+        true => {
+            let size = shape.mean_edge * vector::norm(&method.problem().node_stiffness());
+            Box::new(GradientTolerance::against(settings.tol, method.evaluate().gradient_norm, size))
+        }
+        false => Box::new(ResidualTolerance::new(settings.tol)),
+    };
     let mut limit = IterationLimit(settings.max_iters);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = TimeLimit::new(began, settings.time_limit);
     let mut watcher = Watcher { hooks, began, watching: Duration::ZERO, skips: false };
-    let free = rest.constraints.is_empty();
-    let mut stops: Vec<&mut dyn Stop> = vec![&mut tolerance, &mut cancel, &mut time, &mut limit];
+    let free = constraints.is_empty();
+    let mut stops: Vec<&mut dyn Stop> = vec![tolerance.as_mut(), &mut cancel, &mut time, &mut limit];
     if auto && !free {
         stops.push(&mut handover);
     }
     let outcome = proxel_split::run(method.as_mut(), &mut stops, &mut watcher);
     let over = matches!(outcome.status, Status::Failed | Status::Cancelled) || outcome.iterations >= settings.max_iters;
     if !auto || free || over {
-        let residuals = method.residuals();
+        let none = Residuals { primal: f64::INFINITY, dual: f64::INFINITY };
+        let residuals = if penalized { none } else { method.residuals() };
         let factor_bytes = method.factor_bytes();
         return Ok(ended(outcome, residuals, factor_bytes, setup, began));
     }
@@ -96,7 +90,7 @@ pub(super) fn run(
     let (x, dual) = (method.x().to_vec(), method.residuals().dual);
     let settled = before.reason.clone();
     let problem = method.into_problem();
-    let mut finish = Finish::new(problem, rest.constraints, rest.closeness, x, (before.iterations, dual))?;
+    let mut finish = Finish::new(problem, constraints, x, (before.iterations, dual))?;
     watcher.skips = true;
     let mut exact = Exact { settled };
     let mut last = IterationLimit(settings.max_iters.min(before.iterations + FINISH));
@@ -144,7 +138,8 @@ struct Handover {
 impl Stop for Handover {
     fn check(&mut self, method: &mut dyn Method, report: &StepReport) -> Option<Verdict> {
         let residual = normalized(report.merit? / self.mu, method.problem().local_dim(), self.a);
-        let settled = residual <= SETTLED || (residual <= ENOUGH && report.iteration >= PATIENCE);
+        let it = report.iteration;
+        let settled = residual <= SETTLED || (residual <= ENOUGH && it >= PATIENCE) || it >= 3 * PATIENCE;
         settled.then(|| Verdict {
             status: Status::Stopped,
             reason: format!("combined residual {residual:.1e} after {} iterations of the splitting", report.iteration),
@@ -189,6 +184,9 @@ impl Observer for Watcher<'_, '_> {
         if let Some(trace) = self.hooks.trace.as_deref_mut() {
             let energy = method.energy();
             let residuals = method.residuals();
+            // Where nothing judges a point, what would: the combined residual.
+            let combined = || method.squared_residuals().map(|square| square.combined);
+            let merit = report.merit.or_else(combined).unwrap_or(f64::INFINITY);
             trace(&TraceRow {
                 iteration: report.iteration,
                 seconds,
@@ -197,7 +195,7 @@ impl Observer for Watcher<'_, '_> {
                 position_error: f64::INFINITY,
                 primal_residual: residuals.primal,
                 dual_residual: residuals.dual,
-                merit: report.merit.unwrap_or(f64::INFINITY),
+                merit,
                 inner: report.inner,
                 refactorised: report.refactorised,
                 accepted: report.took_proposal(),

@@ -1,9 +1,11 @@
 //! Settings of the commands that shape a mesh, with their defaults.
 
+use super::recipe::RecipeSolver;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A method of `planarize` and `wire`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShapeMethod {
     /// Accelerated ADMM to a few digits, then Newton's method on the constraints.
@@ -13,11 +15,25 @@ pub enum ShapeMethod {
     AaAdmm,
     /// The z-x-u iteration as it is.
     Admm,
+    /// The augmented Lagrangian method of Deng et al. 2015: several updates of z and x in turns before each of u.
+    Alm,
+    /// The Douglas-Rachford iteration under Anderson acceleration: Ouyang et al. 2020. Closeness is split off too.
+    Aadr,
+    /// ShapeUp (Bouaziz et al. 2012) under Anderson acceleration (Peng et al. 2018): no constraint is hard, mu is the weight
+    /// of the squared distances from their sets.
+    Shapeup,
 }
 
 impl ShapeMethod {
     /// All of them.
-    pub const ALL: [ShapeMethod; 3] = [ShapeMethod::Auto, ShapeMethod::AaAdmm, ShapeMethod::Admm];
+    pub const ALL: [ShapeMethod; 6] = [
+        ShapeMethod::Auto,
+        ShapeMethod::AaAdmm,
+        ShapeMethod::Admm,
+        ShapeMethod::Alm,
+        ShapeMethod::Aadr,
+        ShapeMethod::Shapeup,
+    ];
 
     /// Its name on the command line.
     pub fn as_str(self) -> &'static str {
@@ -25,6 +41,9 @@ impl ShapeMethod {
             ShapeMethod::Auto => "auto",
             ShapeMethod::AaAdmm => "aa-admm",
             ShapeMethod::Admm => "admm",
+            ShapeMethod::Alm => "alm",
+            ShapeMethod::Aadr => "aadr",
+            ShapeMethod::Shapeup => "shapeup",
         }
     }
 
@@ -40,7 +59,8 @@ impl ShapeMethod {
 pub struct ShapeSettings {
     /// The method.
     pub method: ShapeMethod,
-    /// mu, the squared weight of hard constraints in the splitting; weights of soft ones are measured against 1.
+    /// mu, the squared weight of hard constraints in the splitting; weights of soft ones are measured against 1. Under
+    /// `shapeup` the weight of the constraints.
     pub mu: f64,
     /// m, columns of Anderson acceleration.
     pub anderson: usize,
@@ -71,6 +91,22 @@ impl ShapeSettings {
             max_iters: 5000,
             time_limit: None,
             threads: None,
+        }
+    }
+
+    /// Those of a recipe, which says itself what vertices are near to.
+    pub fn recipe() -> Self {
+        let solver = RecipeSolver::default();
+        let (method, mu, anderson) = (solver.method, solver.mu, solver.anderson);
+        ShapeSettings { method, mu, anderson, fairing: 0.0, ..ShapeSettings::planarize() }
+    }
+
+    /// The same for a method: those of the implementation of Peng et al. 2018 for `shapeup`.
+    pub fn planarize_by(method: ShapeMethod) -> Self {
+        let base = ShapeSettings { method, ..Self::planarize() };
+        match method {
+            ShapeMethod::Shapeup => ShapeSettings { mu: 150.0, closeness: 10.0, fairing: 10.0, ..base },
+            _ => base,
         }
     }
 

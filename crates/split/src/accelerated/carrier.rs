@@ -17,6 +17,8 @@ pub enum Extrapolated {
     All,
     /// x and u; z is that of the last local step.
     PositionsAndDual,
+    /// x alone; z and u are those of the last local step.
+    Positions,
     /// z alone.
     Local,
 }
@@ -62,6 +64,11 @@ pub trait Carrier: Send + Sized {
     /// The same, to be changed.
     fn sense_mut(&mut self) -> &mut Sense;
 
+    /// The weights have changed.
+    fn reweigh(&mut self, problem: &Problem) {
+        self.sense_mut().reweigh(problem);
+    }
+
     /// Takes what it needs of the point before a cycle.
     fn before(&mut self, _problem: &mut Problem, _x: &[f64], _p: &[Vec<f64>], _u: &[Vec<f64>]) {}
 
@@ -84,7 +91,7 @@ pub trait Carrier: Send + Sized {
 }
 
 /// The variable q of a carrier before a cycle and the residual G(q) - q of the cycle, entry by entry times w: coordinates
-/// whose Euclidean norm is the metric of the splitting.
+/// whose Euclidean norm is the metric of the splitting, unless the carrier says otherwise.
 #[derive(Clone, Debug)]
 pub struct Sense {
     pub(super) weights: Vec<f64>, // w, an entry for each of z
@@ -98,6 +105,11 @@ impl Sense {
         let weights = packed_weights(problem);
         let zeros = vec![0.0; vectors * weights.len()];
         Sense { residual: zeros.clone(), before: zeros, weights }
+    }
+
+    /// Of a q of so many numbers that are sensed as they are, without weights.
+    pub(super) fn unweighted(len: usize) -> Self {
+        Sense { weights: Vec::new(), before: vec![0.0; len], residual: vec![0.0; len] }
     }
 
     /// The weights have changed.

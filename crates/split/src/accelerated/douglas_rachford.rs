@@ -31,7 +31,12 @@ impl Carrier for DouglasRachford {
     const KEEPS_HISTORY: bool = false;
 
     fn check(admm: &Admm) -> Result<(), BuildError> {
-        check_order(admm, Self::NAME, Self::ORDER)
+        check_order(admm, Self::NAME, Self::ORDER)?;
+        // A z without a dual is no part of s, and would be a second variable.
+        match admm.terms().iter().position(|term| !term.has_dual()) {
+            Some(term) => Err(BuildError::NoDual { term, algorithm: Self::NAME }),
+            None => Ok(()),
+        }
     }
 
     fn new(problem: &Problem) -> Self {

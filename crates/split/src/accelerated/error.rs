@@ -21,6 +21,20 @@ pub enum BuildError {
         /// Whether a smooth map would not do either.
         affine: bool,
     },
+    /// A term whose splitting has no dual.
+    NoDual {
+        /// The term, from 0.
+        term: usize,
+        /// The algorithm.
+        algorithm: &'static str,
+    },
+    /// A term whose splitting has a dual.
+    Dual {
+        /// The term, from 0.
+        term: usize,
+        /// The algorithm.
+        algorithm: &'static str,
+    },
     /// A node without inertia: f is not strongly convex, and x no function of u. Assumption 3.2 of A.
     NoInertia {
         /// The node.
@@ -64,6 +78,14 @@ impl std::fmt::Display for BuildError {
                      accelerates both, or algorithm 4 in the z-x-u order"
                 )
             }
+            BuildError::NoDual { term, algorithm } => write!(
+                f,
+                "{algorithm}: the splitting of term {term} has no dual; split it off with one, or take algorithm 2"
+            ),
+            BuildError::Dual { term, algorithm } => write!(
+                f,
+                "{algorithm}: the splitting of term {term} has a dual, which positions do not determine; take algorithm 2"
+            ),
             BuildError::NoInertia { node } => write!(
                 f,
                 "algorithm 4: node {node} has no inertia, so that x does not follow from u; take algorithm 2, which \

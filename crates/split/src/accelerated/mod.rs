@@ -5,11 +5,14 @@
 //! |---|---|---|---|---|
 //! | [`CombinedResidual`] | x-z-u | (z, u) | combined residual A(11) | A, Algorithm 1 |
 //! | [`CombinedResidualZxu`] | z-x-u | (x, u) | combined residual A(12) | A, Algorithm 2 |
+//! | [`CombinedResidualRaw`] | z-x-u | (x, u), in the Euclidean metric | combined residual A(12) | A's implementation |
 //! | [`ForwardResidual`] | x-z-u | z, u by A(21) | forward residual A(22) | A, Algorithm 3 |
 //! | [`ForwardResidualZxu`] | z-x-u | u, x by A(23) | forward residual A(24) | A, Algorithm 4 |
 //! | [`LocalAlone`], [`DualAlone`] | x-z-u | z or u, the rest rides along | forward residual A(22) | A, appendix E |
 //! | [`DouglasRachford`] | x-z-u | s = c(Dx) + u | fixed-point residual of s | Eckstein and Bertsekas 1992 |
 //! | [`Envelope`] | x-z-u | s = c(Dx) + u of the Douglas-Rachford iteration | envelope | Ouyang et al. 2020 |
+//! | [`Reflection`] | x-z-u | the same | primal residual | their implementation |
+//! | [`Alternation`] | z-x-u without duals | x | objective | Peng et al. 2018 |
 //!
 //! Accelerators are [`Anderson`] of both types, [`Momentum`] and [`Unaccelerated`]. The first carrier works with any
 //! coupling, so it accelerates R-ADMM and WRAPD too.
@@ -21,6 +24,7 @@ use crate::{
 };
 
 mod account;
+mod alternation;
 mod carrier;
 mod douglas_rachford;
 mod envelope;
@@ -28,15 +32,18 @@ mod error;
 mod packed;
 mod pair;
 mod price;
+mod raw;
 mod settings;
 mod single;
 
 pub use account::Account;
+pub use alternation::Alternation;
 pub use carrier::{Carrier, Extrapolated, Sense};
 pub use douglas_rachford::DouglasRachford;
-pub use envelope::Envelope;
+pub use envelope::{Envelope, Reflection};
 pub use error::BuildError;
 pub use pair::{CombinedResidual, CombinedResidualZxu};
+pub use raw::CombinedResidualRaw;
 pub use settings::{Acceleration, Algorithm, Extrapolation};
 pub use single::{DualAlone, ForwardResidual, ForwardResidualZxu, LocalAlone};
 
@@ -154,7 +161,7 @@ impl<C: Carrier> Accelerated<C> {
         let report = self.admm.step()?;
         self.iteration += 1;
         if report.refactorised {
-            self.carrier.sense_mut().reweigh(self.admm.problem());
+            self.carrier.reweigh(self.admm.problem());
         }
         Ok(report)
     }
@@ -322,7 +329,7 @@ impl<C: Carrier> Method for Accelerated<C> {
     }
 
     fn refactor(&mut self) -> Result<(), SystemError> {
-        self.carrier.sense_mut().reweigh(self.admm.problem());
+        self.carrier.reweigh(self.admm.problem());
         self.forget();
         self.admm.refactor()
     }
@@ -363,7 +370,7 @@ impl<C: Carrier> Accelerated<C> {
         trial.accelerated = self.extrapolated;
         if report.refactorised {
             // Under other weights u is another variable, and merits measure something else.
-            self.carrier.sense_mut().reweigh(self.admm.problem());
+            self.carrier.reweigh(self.admm.problem());
             self.forget();
             trial.reset = true;
         }

@@ -8,7 +8,7 @@ use std::ops::Range;
 /// x of the free nodes, p and u as they were, and the part of them that is extrapolated in a vector of its own.
 #[derive(Clone)]
 pub(super) struct Packed {
-    /// What is extrapolated: x, u, p, or x and u, or z.
+    /// What is extrapolated: x, u, p, or x and u, or x, or z.
     pub values: Vec<f64>,
     kept: Vec<f64>, // what else is needed to restore the state
     free: usize,
@@ -28,6 +28,7 @@ impl Packed {
         let (values, kept) = match extrapolated {
             Extrapolated::All => (free + 2 * end, 0),
             Extrapolated::PositionsAndDual => (free + end, end),
+            Extrapolated::Positions => (free, 2 * end),
             Extrapolated::Local => (end, free + 2 * end),
         };
         Packed { values: vec![0.0; values], kept: vec![0.0; kept], free, terms, extrapolated }
@@ -44,6 +45,10 @@ impl Packed {
             Extrapolated::PositionsAndDual => {
                 let (x, u) = self.values.split_at_mut(free);
                 (x, u, &mut self.kept)
+            }
+            Extrapolated::Positions => {
+                let (u, p) = self.kept.split_at_mut(local);
+                (&mut self.values, u, p)
             }
             all_or_local => {
                 let whole = if all_or_local == Extrapolated::All { &mut self.values } else { &mut self.kept };
@@ -70,11 +75,14 @@ impl Packed {
     }
 
     /// The point `values`, laid out like those here, becomes the state. Where z is not part of it, that of `state` stays, and
-    /// p follows u; where z is all of it, u follows from z by A(21), and x is left to the global step.
+    /// p follows u, which stays too where it is no part either; where z is all of it, u follows from z by A(21), and x is left to the global step.
     pub fn unpack(&self, values: &[f64], state: &mut State<'_>, problem: &mut Problem) {
         let local = self.local();
         if self.extrapolated != Extrapolated::Local {
             state.x.copy_from_slice(&values[..self.free]);
+        }
+        if self.extrapolated == Extrapolated::Positions {
+            return;
         }
         for (t, range) in self.terms.iter().enumerate() {
             let at = |first: usize| &values[first + range.start..first + range.end];
@@ -90,6 +98,7 @@ impl Packed {
                     }
                     state.u[t].copy_from_slice(new);
                 }
+                Extrapolated::Positions => {}
                 Extrapolated::Local => {
                     let z = at(0);
                     problem.terms[t].dual(z, &mut state.u[t]);

@@ -1,8 +1,8 @@
 //! From a description to a method.
 
 use super::{
-    Accelerated, BuildError, Carrier, CombinedResidual, CombinedResidualZxu, DouglasRachford, DualAlone, Envelope,
-    ForwardResidual, ForwardResidualZxu, History, LocalAlone,
+    Accelerated, Alternation, BuildError, Carrier, CombinedResidual, CombinedResidualRaw, CombinedResidualZxu,
+    DouglasRachford, DualAlone, Envelope, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Reflection,
 };
 use crate::accelerator::{Accelerator, Anderson, Kind, Momentum, Unaccelerated};
 use crate::{Admm, Cycle, Method, Order};
@@ -15,6 +15,8 @@ pub enum Algorithm {
     One,
     /// A, Algorithm 2: x and u, z-x-u.
     Two,
+    /// The same with x and u as they are: least squares in the Euclidean metric, as A's implementation has them.
+    TwoRaw,
     /// A, Algorithm 3: z, x-z-u.
     Three,
     /// A, Algorithm 4: u, z-x-u.
@@ -27,13 +29,17 @@ pub enum Algorithm {
     DouglasRachford,
     /// The same, judged by an envelope: Ouyang et al. 2020.
     Envelope,
+    /// The same, judged by the primal residual.
+    Reflection,
+    /// Nearest points and a solve in turns, without duals: Peng et al. 2018 on Bouaziz et al. 2012.
+    Alternation,
 }
 
 impl Algorithm {
     /// The order of its steps.
     pub fn order(self) -> Order {
         match self {
-            Algorithm::Two | Algorithm::Four => Order::Zxu,
+            Algorithm::Two | Algorithm::TwoRaw | Algorithm::Four | Algorithm::Alternation => Order::Zxu,
             _ => Order::Xzu,
         }
     }
@@ -150,12 +156,15 @@ impl Acceleration {
         match self.algorithm {
             Algorithm::One => parts.assemble::<CombinedResidual>(),
             Algorithm::Two => parts.assemble::<CombinedResidualZxu>(),
+            Algorithm::TwoRaw => parts.assemble::<CombinedResidualRaw>(),
             Algorithm::Three => parts.assemble::<ForwardResidual>(),
             Algorithm::Four => parts.assemble::<ForwardResidualZxu>(),
             Algorithm::LocalAlone => parts.assemble::<LocalAlone>(),
             Algorithm::DualAlone => parts.assemble::<DualAlone>(),
             Algorithm::DouglasRachford => parts.assemble::<DouglasRachford>(),
             Algorithm::Envelope => parts.assemble::<Envelope>(),
+            Algorithm::Reflection => parts.assemble::<Reflection>(),
+            Algorithm::Alternation => parts.assemble::<Alternation>(),
         }
     }
 }
