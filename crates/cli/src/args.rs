@@ -14,6 +14,7 @@ use crate::deform::DeformArgs;
 use crate::demo_animation::ANIMATION;
 use crate::demo_unwrap::UNWRAP;
 use crate::geodesic::GeodesicArgs;
+use crate::imaging::{DeblurArgs, DenoiseArgs, InpaintArgs};
 use crate::refusal::Refusal;
 use crate::replay::ReplayArgs;
 use crate::shape::{PlanarizeArgs, RecipeArgs, WireArgs};
@@ -40,6 +41,7 @@ Examples:
   proxel shape recipe.toml --out shaped.obj             any constraints on any part of a mesh
   proxel simulate scene.toml --out run                  bodies in motion, for ParaView
   proxel geodesic bunny.obj --source 9689 --out distance.vtu
+  proxel deblur photo.png --psf kernel.png --out sharp.png
   proxel wavefront reference.png captured.png --out phi.tif
   proxel batch unwrap scans --out uv --jobs 8           all meshes in a folder
   proxel convert body.msh --out body.vtu --refine 1
@@ -64,6 +66,12 @@ pub enum Command {
     Simulate(Box<SimulateArgs>),
     /// Measure distances along a surface from some of its vertices.
     Geodesic(Box<GeodesicArgs>),
+    /// Sharpen an image whose blur is known.
+    Deblur(Box<DeblurArgs>),
+    /// Take the noise out of an image.
+    Denoise(Box<DenoiseArgs>),
+    /// Fill the gaps of an image.
+    Inpaint(Box<InpaintArgs>),
     /// Find the wavefront that a coded sensor has seen, from an image without and one with it.
     Wavefront(Box<WavefrontArgs>),
     /// Solve a problem again that --dump has written.

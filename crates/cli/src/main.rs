@@ -20,6 +20,7 @@ mod demo_animation;
 mod demo_unwrap;
 mod files;
 mod geodesic;
+mod imaging;
 mod info;
 mod interrupt;
 mod picture;
@@ -51,10 +52,13 @@ fn main() -> ExitCode {
         Command::Deform(args) => deform::run(&args),
         Command::Unwrap(args) => unwrap::run(&args),
         Command::Geodesic(args) => geodesic::run(&args),
-        Command::Wavefront(args) => wavefront::run(&args),
         Command::Planarize(args) => shape::planarize(&args),
         Command::Wire(args) => shape::wire(&args),
         Command::Shape(args) => shape::recipe(&args),
+        Command::Deblur(args) => imaging::deblur(&args),
+        Command::Denoise(args) => imaging::denoise(&args),
+        Command::Inpaint(args) => imaging::inpaint(&args),
+        Command::Wavefront(args) => wavefront::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Schema(args) => simulate::schema(&args),

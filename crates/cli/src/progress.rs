@@ -47,6 +47,11 @@ impl Bar {
         });
     }
 
+    /// Says where a run stands that has no elements.
+    pub fn show_energy(&self, iteration: usize, energy: f64) {
+        self.show(&Progress { iteration, seconds: 0.0, energy, inverted: 0 });
+    }
+
     /// Says how many frames are done, and how many iterations the one under way has taken.
     pub fn show_frame(&self, done: usize, iterations: usize) {
         let Some(bar) = &self.0 else { return };

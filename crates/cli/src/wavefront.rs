@@ -201,7 +201,7 @@ impl From<ImageError> for Refusal {
 }
 
 /// Writes an image, whole or not at all; says what the format does not hold.
-fn write_image(path: &Path, file: &ImageFile) -> Result<Vec<String>, Refusal> {
+pub fn write_image(path: &Path, file: &ImageFile) -> Result<Vec<String>, Refusal> {
     let encoded =
         encode(file, Format::from_path(path)?).map_err(|e| Refusal::new(format!("{}: {e}", path.display())))?;
     atomic_write(path, |w| w.write_all(&encoded.bytes))?;

@@ -6,10 +6,13 @@ mod grid;
 mod image;
 pub mod io;
 mod prox;
+pub mod restore;
+mod spectral;
 mod term;
 pub mod wavefront;
 
 pub use grid::{Boundary, Grid};
 pub use image::{Image, ImageError};
-pub use prox::{Pointwise, TotalVariation};
-pub use term::GradientTerm;
+pub use prox::{Interval, Norm, Observed, Pointwise, Squares, TotalVariation};
+pub use spectral::{BlurredSquares, Column, Fourier, FourierStep, Layout, Psf, Spectra, Symbol, convolve};
+pub use term::{GradientTerm, PixelTerm};

@@ -1,6 +1,6 @@
 //! The gradient of an image as a term, against loops over pixels.
 
-use proxel_imaging::{Boundary, GradientTerm, Grid, Pointwise, TotalVariation};
+use proxel_imaging::{Boundary, GradientTerm, Grid, Norm, Pointwise, TotalVariation};
 use proxel_split::{Cycle, Order, Term};
 use proxel_testkit::random::SplitMix;
 
@@ -114,8 +114,9 @@ fn a_pull_is_the_gradient_at_the_origin() {
 #[test]
 fn the_prox_is_the_minimiser() {
     let mut random = SplitMix::new(7);
-    for of in [TotalVariation::isotropic(0.7), TotalVariation::anisotropic(0.7)] {
-        for planes in [2, 3, 6] {
+    let by_channel = TotalVariation { lambda: 0.7, norm: Norm::Channels };
+    for of in [TotalVariation::isotropic(0.7), TotalVariation::anisotropic(0.7), by_channel] {
+        for planes in [2, 4, 6] {
             let n = 9;
             let v = numbers(planes * n, 8);
             let mut z = v.clone();

@@ -3,7 +3,7 @@
 //! This crate is the facade: applications that turn a description (meshes, pins, settings) into a problem for the
 //! splitting engine and its result back into what the user gave. [`deform`] poses bodies, [`keyframes`] move their
 //! handles, [`simulate`] lets them fall. [`geodesic`] measures surfaces, [`shape`] makes their faces planar. [`wavefront`]
-//! compares images.
+//! compares images, [`restore`] sharpens them.
 //! [`problem_file`] keeps a problem, to be solved again.
 
 pub mod deform;
@@ -13,6 +13,7 @@ pub mod pins;
 pub mod preview;
 pub mod problem_file;
 pub mod report;
+pub mod restore;
 pub mod samples;
 pub mod settings;
 pub mod shape;

@@ -87,9 +87,39 @@ pub struct Report {
     /// What is known of distances, likewise.
     #[serde(flatten)]
     pub geodesic: Option<GeodesicReport>,
+    /// What is known of a restored image, likewise.
+    #[serde(flatten)]
+    pub restore: Option<RestoreReport>,
     /// What is known of a wavefront, likewise.
     #[serde(flatten)]
     pub wavefront: Option<WavefrontReport>,
+}
+
+/// What `deblur`, `denoise` and `inpaint` add to a report.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RestoreReport {
+    /// What was taken to lie beyond the border: periodic or unknown.
+    pub boundary: String,
+    /// lambda_1 of A(31), as given or chosen.
+    pub lambda: f64,
+    /// How many were compared by their estimated risk; 0 where it was given.
+    pub lambdas_tried: usize,
+    /// Standard deviation of the noise, as given or estimated; null where neither was asked for.
+    pub noise: Option<f64>,
+    /// Penalty of the splitting.
+    pub penalty: f64,
+    /// Columns and rows of the field that was solved for.
+    pub field: [usize; 2],
+    /// How much lower the objective can be at most, over images with values in `gap_range`; null where there is no bound.
+    pub duality_gap: Option<f64>,
+    /// The same over the objective.
+    pub relative_gap: Option<f64>,
+    /// See `duality_gap`.
+    pub gap_range: Option<[f64; 2]>,
+    /// Of the result against the truth, in dB; null where there is none.
+    pub psnr: Option<f64>,
+    /// Of the input, likewise.
+    pub psnr_input: Option<f64>,
 }
 
 /// What `wavefront` adds to a report.

@@ -14,7 +14,7 @@ use crate::balancing::{Balance, Balancing};
 use crate::penalty::SafePenalty;
 use crate::{
     BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Order,
-    Problem, Pull, Residual, Residuals, Reweighting, SquaredResiduals, StepReport, SystemError, Term, Trial,
+    Problem, Pull, Residual, Residuals, Reweighting, Splitting, SquaredResiduals, StepReport, SystemError, Term, Trial,
     reweight::Settling, vector,
 };
 use rayon::prelude::*;
@@ -499,6 +499,10 @@ impl Method for Admm {
 
     fn refactor(&mut self) -> Result<(), SystemError> {
         self.refactor_normal()
+    }
+
+    fn splitting(&mut self) -> Option<Splitting<'_>> {
+        Some(Splitting { problem: &mut self.problem, x: &self.x, p: &self.p, u: &self.u })
     }
 
     fn squared_residuals(&mut self) -> Option<SquaredResiduals> {

@@ -68,7 +68,7 @@ pub use guard::InversionGuard;
 pub use inertia::Inertia;
 pub use lbfgs::{InnerStop, Lbfgs, LbfgsSettings};
 pub use line_search::{Backtracking, Landing, Ray};
-pub use method::{Evaluation, Method, Residuals, SquaredResiduals, StepReport, Trial, normalized};
+pub use method::{Evaluation, Method, Residuals, Splitting, SquaredResiduals, StepReport, Trial, normalized};
 pub use newton::{
     Cg, CgEnd, CgReport, FactorCost, Found, Hessian, LinearSolver, Newton, NewtonSettings, ProjectionRule, Search,
 };

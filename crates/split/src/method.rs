@@ -80,6 +80,20 @@ pub fn normalized(square: f64, local_dim: usize, a: f64) -> f64 {
     (square / local_dim.max(1) as f64).sqrt() / a
 }
 
+/// A point of a splitting: z = p + u and w^2 u, the force of each term, are those of the last local step, x that of the last
+/// global one. Where g is known by its prox, w^2 u is a subgradient of g at z, in the x-z-u order without extrapolation to
+/// come.
+pub struct Splitting<'a> {
+    /// The problem, whose terms work things out.
+    pub problem: &'a mut Problem,
+    /// Positions.
+    pub x: &'a [f64],
+    /// z - u, one vector a term.
+    pub p: &'a [Vec<f64>],
+    /// Scaled duals, likewise.
+    pub u: &'a [Vec<f64>],
+}
+
 /// An algorithm in motion. It never stops by itself: [`crate::run`] asks its [`crate::Stop`]s.
 pub trait Method: Send {
     /// Its name, as users give it.
@@ -132,6 +146,11 @@ pub trait Method: Send {
 
     /// Both residuals of A after a step, worked out when asked for. None where there is no z, and before the first step.
     fn squared_residuals(&mut self) -> Option<SquaredResiduals> {
+        None
+    }
+
+    /// The point of the splitting as it is, for certificates and pictures; none for methods that split nothing.
+    fn splitting(&mut self) -> Option<Splitting<'_>> {
         None
     }
 

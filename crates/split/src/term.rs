@@ -262,6 +262,12 @@ pub trait Term: Send + Sync {
         let _ = (z, u);
     }
 
+    /// sum g(z), where a term can tell; certificates ask for it.
+    fn local_value(&self, z: &[f64]) -> Option<f64> {
+        let _ = z;
+        None
+    }
+
     /// Bounds over the set where g is at most `level`, under the present weights; none where there are none.
     fn level_bound(&self, level: f64) -> Option<LevelBound> {
         let _ = level;

@@ -63,7 +63,7 @@ pub enum Kind {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 33] = [
+pub const ALL: [Reproduction; 34] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -252,6 +252,13 @@ pub const ALL: [Reproduction; 33] = [
         models: &[],
         kind: Kind::Moving,
         run: aa::figure9::run,
+    },
+    Reproduction {
+        name: "aa-figure10",
+        about: "deconvolution by total variation: ADMM, over-relaxation, momentum, Anderson on v, on (z, u) and on both splits",
+        models: &[],
+        kind: Kind::Moving,
+        run: aa::figure10::run,
     },
     Reproduction {
         name: "aa-figure11",

@@ -3,9 +3,11 @@
 use proxel_split::DualMap;
 use std::ops::Range;
 
+mod data;
 mod total_variation;
 
-pub use total_variation::TotalVariation;
+pub use data::{Interval, Observed, Squares};
+pub use total_variation::{Norm, TotalVariation};
 
 /// g(z) = sum over pixels of a function of the pixel's numbers: a penalty, a data term, or the indicator of a set.
 ///

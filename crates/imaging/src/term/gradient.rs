@@ -324,6 +324,11 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         });
     }
 
+    fn local_value(&self, z: &[f64]) -> Option<f64> {
+        let values = z.par_chunks(self.local_row()).enumerate().map(|(row, z)| self.of.value(self.pixels(row), z));
+        Some(values.collect::<Vec<f64>>().iter().sum())
+    }
+
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
         let mut gap = vec![0.0; p.len()];
         self.couple(x, &mut gap);

@@ -2,5 +2,7 @@
 
 mod gradient;
 mod pass;
+mod pixel;
 
 pub use gradient::GradientTerm;
+pub use pixel::PixelTerm;

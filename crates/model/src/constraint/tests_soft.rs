@@ -74,7 +74,7 @@ fn nearest_points_and_solves_in_turns_are_accelerated() {
         assert_eq!(report.merit, Some(report.local.objective));
     }
     let start = soft_problem().evaluate().gradient_norm;
-    let mut needs = |mut method: Box<dyn Method>| {
+    let needs = |mut method: Box<dyn Method>| {
         let mut before = f64::INFINITY;
         for k in 1..=4000 {
             let merit = method.step().unwrap().merit.unwrap_or(f64::NEG_INFINITY);

@@ -192,14 +192,10 @@ fn deform_here(
         warnings: body.warnings().to_vec(),
         repaired: body.repaired().to_vec(),
         seconds: Seconds { read: 0.0, setup: run.setup, solve: run.solve, write: 0.0 },
-        peak_bytes: None,
         factor_bytes: Some(run.factor_bytes),
         threads,
         reactions: sums(input, &body, &reaction, &run.contacts),
-        lattice: None,
-        map: None,
-        geodesic: None,
-        shape: None,
+        ..Report::default()
     };
     let (status, repaired_tets) = (outcome.status, body.repaired_tets());
     Ok(Deformation { positions, start, status, report, repaired_tets, reaction, carried: None })

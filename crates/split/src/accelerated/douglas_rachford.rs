@@ -11,6 +11,8 @@ use rayon::prelude::*;
 /// z = prox(s),   x = argmin f(x) + 1/2 |W(Dx - (2 z - s))|^2,   G(s) = s + Dx - z
 /// ```
 ///
+/// Over-relaxed by alpha, s = alpha c(Dx) + (1 - alpha) z + u, which is why z rides along with x and u.
+///
 /// It has half the numbers of (z, u), and z follows from it by the prox, so that hard sets are no obstacle. Its merit is the
 /// square of the fixed-point residual, |W(G(s) - s)|^2 = |W(Dx - z)|^2, which needs the next x: a rejected point costs a
 /// local and a global step. [`super::Envelope`] judges the same variable by an envelope of the objective.
@@ -22,14 +24,19 @@ pub struct DouglasRachford {
 impl Carrier for DouglasRachford {
     const NAME: &'static str = "douglas-rachford";
     const ORDER: Order = Order::Xzu;
-    const EXTRAPOLATED: Extrapolated = Extrapolated::PositionsAndDual;
+    const EXTRAPOLATED: Extrapolated = Extrapolated::All;
     const LATE: bool = true;
     const SENSING: f64 = COUPLE;
     const REFUSAL: (f64, f64) = (1.0 + COUPLE, 1.0);
     const KEEPS_HISTORY: bool = false;
 
     fn check(admm: &Admm) -> Result<(), BuildError> {
-        check_order(admm, Self::NAME, Self::ORDER)
+        check_order(admm, Self::NAME, Self::ORDER)?;
+        // A z without a dual is no part of s, and would be a second variable.
+        match admm.terms().iter().position(|term| !term.has_dual()) {
+            Some(term) => Err(BuildError::NoDual { term, algorithm: Self::NAME }),
+            None => Ok(()),
+        }
     }
 
     fn new(problem: &Problem) -> Self {

@@ -19,8 +19,8 @@
 
 use crate::accelerator::{Accelerator, Iterate, Proposal};
 use crate::{
-    Admm, EnergyReport, Evaluation, LocalReport, Method, Order, Problem, Residuals, SquaredResiduals, StepReport,
-    SystemError, Trial,
+    Admm, EnergyReport, Evaluation, LocalReport, Method, Order, Problem, Residuals, Splitting, SquaredResiduals,
+    StepReport, SystemError, Trial,
 };
 
 mod account;
@@ -332,6 +332,10 @@ impl<C: Carrier> Method for Accelerated<C> {
         self.carrier.reweigh(self.admm.problem());
         self.forget();
         self.admm.refactor()
+    }
+
+    fn splitting(&mut self) -> Option<Splitting<'_>> {
+        self.admm.splitting()
     }
 
     fn squared_residuals(&mut self) -> Option<SquaredResiduals> {

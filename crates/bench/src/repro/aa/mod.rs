@@ -6,6 +6,7 @@ mod course;
 pub mod equal_time;
 pub mod falling;
 pub mod figure1;
+pub mod figure10;
 pub mod figure11;
 pub mod figure12;
 pub mod figure2;

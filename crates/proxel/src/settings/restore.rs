@@ -1,0 +1,198 @@
+//! Settings of `deblur`, `denoise` and `inpaint`, with their defaults.
+
+use serde::{Deserialize, Serialize};
+
+/// How the problem is iterated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RestoreMethod {
+    /// What was measured to be the fastest: `relaxed`.
+    #[default]
+    Auto,
+    /// Plain ADMM.
+    Admm,
+    /// ADMM with over-relaxation.
+    Relaxed,
+    /// Fast ADMM with restart (Goldstein et al. 2014).
+    Fast,
+    /// Anderson on v = grad x + u, the variable of the Douglas-Rachford iteration.
+    Aa,
+    /// A, Algorithm 1: Anderson on z and u.
+    AaZu,
+}
+
+impl RestoreMethod {
+    /// All of them.
+    pub const ALL: [RestoreMethod; 6] = [
+        RestoreMethod::Auto,
+        RestoreMethod::Admm,
+        RestoreMethod::Relaxed,
+        RestoreMethod::Fast,
+        RestoreMethod::Aa,
+        RestoreMethod::AaZu,
+    ];
+
+    /// As on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            RestoreMethod::Auto => "auto",
+            RestoreMethod::Admm => "admm",
+            RestoreMethod::Relaxed => "relaxed",
+            RestoreMethod::Fast => "fast",
+            RestoreMethod::Aa => "aa",
+            RestoreMethod::AaZu => "aa-zu",
+        }
+    }
+
+    /// By that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.as_str() == name)
+    }
+}
+
+/// What lies beyond the border of the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoundaryName {
+    /// `unknown`: what a camera gives.
+    #[default]
+    Auto,
+    /// The image again, as for images that were blurred by a Fourier transform.
+    Periodic,
+    /// Nobody knows: the field is larger than the image, and only what was seen is compared.
+    Unknown,
+}
+
+impl BoundaryName {
+    /// All of them.
+    pub const ALL: [BoundaryName; 3] = [BoundaryName::Auto, BoundaryName::Periodic, BoundaryName::Unknown];
+
+    /// As on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            BoundaryName::Auto => "auto",
+            BoundaryName::Periodic => "periodic",
+            BoundaryName::Unknown => "unknown",
+        }
+    }
+
+    /// By that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.as_str() == name)
+    }
+}
+
+/// Which differences of a pixel count together in the total variation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VariationName {
+    /// All, over all channels, so that colours have their edges at one place.
+    #[default]
+    Vectorial,
+    /// Those of each channel.
+    Channels,
+    /// Each by itself: edges along rows and columns cost least.
+    Anisotropic,
+}
+
+impl VariationName {
+    /// All of them.
+    pub const ALL: [VariationName; 3] = [VariationName::Vectorial, VariationName::Channels, VariationName::Anisotropic];
+
+    /// As on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            VariationName::Vectorial => "vectorial",
+            VariationName::Channels => "channels",
+            VariationName::Anisotropic => "anisotropic",
+        }
+    }
+
+    /// By that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.as_str() == name)
+    }
+}
+
+/// All settings of `deblur`, `denoise` and `inpaint`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RestoreSettings {
+    /// The method.
+    pub method: RestoreMethod,
+    /// What lies beyond the border.
+    pub boundary: BoundaryName,
+    /// Standard deviation of the noise; estimated if none.
+    pub noise: Option<f64>,
+    /// lambda_1 of A(31), lambda_2 being 1; by an estimate of the risk if none.
+    pub lambda: Option<f64>,
+    /// Which differences count together.
+    pub variation: VariationName,
+    /// Values that the image may have; any if none.
+    pub range: Option<[f64; 2]>,
+    /// Penalty of the splitting; by the contrast of the image if none.
+    pub penalty: Option<f64>,
+    /// Over-relaxation of `relaxed` and of `aa`.
+    pub relaxation: f64,
+    /// Columns of Anderson's history.
+    pub anderson: usize,
+    /// Converged when the duality gap is below this part of the objective; with a range, when primal and dual residual are
+    /// below it.
+    pub tol: f64,
+    /// Iterations, at most.
+    pub max_iters: usize,
+    /// Seconds, at most.
+    pub time_limit: Option<f64>,
+    /// Threads; all processors if none.
+    pub threads: Option<usize>,
+}
+
+impl Default for RestoreSettings {
+    fn default() -> Self {
+        RestoreSettings {
+            method: RestoreMethod::default(),
+            boundary: BoundaryName::default(),
+            noise: None,
+            lambda: None,
+            variation: VariationName::default(),
+            range: None,
+            penalty: None,
+            relaxation: 1.8,
+            anderson: 6,
+            tol: 1e-4,
+            max_iters: 5000,
+            time_limit: None,
+            threads: None,
+        }
+    }
+}
+
+impl RestoreSettings {
+    /// # Errors
+    /// The first number that makes no sense, and what would.
+    pub fn check(&self) -> Result<(), String> {
+        for (name, value) in [("--lambda", self.lambda), ("--noise", self.noise), ("--penalty", self.penalty)] {
+            if let Some(v) = value.filter(|v| !(*v > 0.0 && v.is_finite())) {
+                return Err(format!("{name} is {v}; give auto or a positive number"));
+            }
+        }
+        if !(self.relaxation > 0.0 && self.relaxation < 2.0) {
+            return Err(format!("--relaxation is {}; it must be between 0 and 2", self.relaxation));
+        }
+        if !(self.tol > 0.0 && self.tol < 1.0) {
+            return Err(format!("--tol is {}; it must be between 0 and 1", self.tol));
+        }
+        if let Some([low, high]) = self.range
+            && !(low < high && low.is_finite())
+        {
+            return Err(format!("--range is {low},{high}; give a smaller number first"));
+        }
+        if let Some(limit) = self.time_limit.filter(|t| !(*t > 0.0 && t.is_finite())) {
+            return Err(format!("--time-limit is {limit}; give a positive number of seconds"));
+        }
+        match self.threads {
+            Some(0) => Err("--threads is 0; give at least 1".to_string()),
+            _ => Ok(()),
+        }
+    }
+}
