@@ -199,6 +199,7 @@ fn deform_here(
         lattice: None,
         map: None,
         geodesic: None,
+        wavefront: None,
         shape: None,
     };
     let (status, repaired_tets) = (outcome.status, body.repaired_tets());
