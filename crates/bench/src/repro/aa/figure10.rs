@@ -93,7 +93,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
             None => "-".to_string(),
         };
         let nanoseconds = format!("{:.0}", 1e9 * course.median() / (w * h) as f64);
-        let quality = quality.map_or("-".to_string(), |dB| format!("{dB:.2}"));
+        let quality = quality.map_or("-".to_string(), |db| format!("{db:.2}"));
         let end = [nanoseconds, quality, elsewhere.to_string()];
         table.row([name.to_string()].into_iter().chain(LEVELS.iter().map(cell)).chain(end));
         courses.push(course);
