@@ -156,7 +156,8 @@ fn what_cannot_be_is_refused_by_name() {
         ("inpaint seen.png --mask one.txt --out x.png", "one.txt"),
         ("inpaint seen.png --mask black.png --out x.png", "mask"),
     ] {
-        let said = folder.run(words).is(2);
+        let run = folder.run(words);
+        let said = run.is(2);
         assert!(said.err.contains(says), "{words}: {}", said.err);
         assert!(!folder.has("x.png"), "{words}");
     }

@@ -237,7 +237,7 @@ impl Model {
             }
         }
         if let Some([low, high]) = self.range
-            && !(low < high)
+            && (low.is_nan() || high.is_nan() || low >= high)
         {
             return refuse(format!("values from {low} to {high}: give a smaller number first"));
         }

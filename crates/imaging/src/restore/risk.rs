@@ -81,7 +81,7 @@ pub fn choose_lambda(
     let way = if at(1, &mut tried)? < here { 1 } else { -1 };
     while k.abs() < FARTHEST && !stop() {
         let next = at(k + way, &mut tried)?;
-        if !(next < here) {
+        if next.is_nan() || next >= here {
             break;
         }
         (k, here) = (k + way, next);

@@ -40,7 +40,7 @@ impl Psf {
         let sum: f64 = weights.iter().sum();
         let size: f64 = weights.iter().map(|w| w.abs()).sum();
         // A sum that is rounding of its parts says nothing about their scale.
-        if !(sum > 1e-12 * size) {
+        if sum.is_nan() || sum <= 1e-12 * size {
             return refuse(format!("its sum is {sum}; it has to be positive, since weights are divided by it"));
         }
         let center = center.unwrap_or((height / 2, width / 2));
