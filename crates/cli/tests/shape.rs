@@ -81,7 +81,7 @@ fn recipes_are_followed() {
     folder.run("shape none.toml --out no.obj").is_refused(&["none.toml", "no such file"]);
     folder.put("bad.toml", "mesh = \"roof.obj\"\n[[constraint]]\nkind = \"planar\"\nfaces = [99]\n");
     folder.run("shape bad.toml --out no.obj").is_refused(&["bad.toml: constraint 0 (planar): face 99 is out of range"]);
-    folder.put("key.toml", "mesh = \"roof.obj\"\n[[constraint]]\nkind = \"planar\"\nfase = 1\n");
+    folder.put("key.toml", "mesh = \"roof.obj\"\n[[constraint]]\nkind = \"planar\"\nfacess = [1]\n");
     folder.run("shape key.toml --out no.obj").is_refused(&["key.toml: line 4", "did you mean `faces`?"]);
     assert!(!folder.has("no.obj"));
     let schema = folder.run("schema recipe").is(0).out.clone();

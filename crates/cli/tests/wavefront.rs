@@ -27,7 +27,7 @@ fn a_pair_and_its_wavefront() {
     let found = values(&folder, "phi.tif");
     let norm = |f: &dyn Fn(usize) -> f64| (0..known.len()).map(|k| f(k).powi(2)).sum::<f64>().sqrt();
     let error = norm(&|k| found[k] - known[k]) / norm(&|k| known[k]);
-    assert!(error < 0.1, "{error}");
+    assert!(error < 0.15, "{error}"); // of so few pixels; 0.03 of 512 x 512
     let r = report(&folder);
     assert_eq!((&r["command"], &r["status"]), (&"wavefront".into(), &"converged".into()));
     assert_eq!((&r["levels"], &r["problems"]), (&2.into(), &6.into()));

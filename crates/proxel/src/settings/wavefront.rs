@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WavefrontMethod {
-    /// What was measured to be the fastest: `pcg`.
+    /// What was measured to be the fastest (docs/wavefront.md): `relaxed`.
     #[default]
     Auto,
     /// Plain ADMM.
@@ -100,7 +100,7 @@ impl Default for WavefrontSettings {
     fn default() -> Self {
         WavefrontSettings {
             method: WavefrontMethod::default(),
-            beta: 3.0,
+            beta: 30.0,
             mu: 100.0,
             margin: 16,
             coarsest: 64,

@@ -139,12 +139,12 @@ pub fn solver(settings: &WavefrontSettings) -> Solver {
     let window = settings.anderson;
     match settings.method {
         WavefrontMethod::Admm => Solver::Admm { relaxation: 1.0 },
-        WavefrontMethod::Relaxed => Solver::Admm { relaxation: settings.relaxation },
+        WavefrontMethod::Auto | WavefrontMethod::Relaxed => Solver::Admm { relaxation: settings.relaxation },
         WavefrontMethod::Aa => Solver::AlgorithmOne { window },
         WavefrontMethod::AaZ => Solver::LocalAlone { window },
         WavefrontMethod::Fast => Solver::Fast,
         WavefrontMethod::Gmres => Solver::Gmres { restart: settings.restart },
-        WavefrontMethod::Auto | WavefrontMethod::Pcg => Solver::Pcg,
+        WavefrontMethod::Pcg => Solver::Pcg,
     }
 }
 
@@ -273,7 +273,7 @@ impl<'a, 'b> Run<'a, 'b> {
             command: "wavefront".to_string(),
             settings: serde_json::to_value(self.settings).unwrap_or_default(),
             method: match self.settings.method {
-                WavefrontMethod::Auto => WavefrontMethod::Pcg,
+                WavefrontMethod::Auto => WavefrontMethod::Relaxed,
                 method => method,
             }
             .as_str()
