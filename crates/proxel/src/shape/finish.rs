@@ -251,7 +251,16 @@ impl Method for Finish {
         let mut g = vec![0.0; 3 * self.problem.n_free];
         let before = self.problem.energy(&self.x, descends.then_some(g.as_mut_slice())).value;
         loop {
-            let d = self.direction(&g)?;
+            let d = match self.direction(&g) {
+                Ok(d) => d,
+                // Rows that depend on each other, in a matrix of few digits: damping gives it some.
+                Err(SystemError::Singular { .. } | SystemError::Factor(_)) if rejected < TRIALS => {
+                    rejected += 1;
+                    self.damping = (RAISE * self.damping).max(0.1 * self.stiffness);
+                    continue;
+                }
+                Err(e) => return Err(e),
+            };
             let mut x = self.x.clone();
             x.iter_mut().zip(&d).for_each(|(x, d)| *x += d);
             let violation = self.violation_at(&x);
