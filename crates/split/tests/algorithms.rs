@@ -79,7 +79,7 @@ fn every_part_converges_to_the_minimum() {
         (Algorithm::Two, Extrapolation::Momentum { eta: 0.999, corrected: false }, SMOOTH),
         (Algorithm::One, Extrapolation::Momentum { eta: 0.999, corrected: true }, SMOOTH),
         (Algorithm::Envelope, Extrapolation::anderson(6), SMOOTH),
-        (Algorithm::Reflection, Extrapolation::anderson(6), SMOOTH),
+        (Algorithm::DouglasRachford, Extrapolation::anderson(6), SMOOTH),
         (Algorithm::LocalAlone, Extrapolation::anderson(6), quadratic),
         (Algorithm::DualAlone, Extrapolation::anderson(6), quadratic),
     ] {
@@ -266,10 +266,11 @@ fn the_next_step_in_time_begins_as_a_new_method_would() {
 
 /// The Douglas-Rachford iteration judged by its residual takes the points of ADMM where nothing is proposed.
 #[test]
-fn a_reflection_without_columns_is_the_plain_iteration() {
+fn the_douglas_rachford_variable_without_columns_is_the_plain_iteration() {
     let mut plain = plain(SMOOTH, Algorithm::One);
     let by = Extrapolation::None;
-    let mut none = accelerated(SMOOTH, Acceleration { algorithm: Algorithm::Reflection, by, history: History::Keep });
+    let mut none =
+        accelerated(SMOOTH, Acceleration { algorithm: Algorithm::DouglasRachford, by, history: History::Keep });
     for _ in 0..20 {
         let report = (plain.step().expect("a step"), none.step().expect("a step")).1;
         assert_eq!(plain.x(), none.x());

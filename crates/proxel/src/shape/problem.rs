@@ -6,8 +6,9 @@ use super::reference::surface;
 use super::ways::Way;
 use super::{ShapeError, ShapeInput, ShapeSettings};
 use proxel_mesh::{Mesh, Polygons};
-use proxel_model::constraint::{Batch, Cells, Closest, Hold, Near, Reduction, RowsOf, Set, V3, Vertex, fairing};
-use proxel_split::{Problem, Quadratic, SymmetricForm, Term};
+use proxel_model::constraint::fairing::{Fairing, laplacian};
+use proxel_model::constraint::{Batch, Cells, Closest, Hold, Near, Reduction, RowsOf, Set, V3, Vertex};
+use proxel_split::{Problem, Quadratic, Term};
 use std::sync::Arc;
 
 /// A mesh in coordinates of its own: centred, and scaled by a power of two that makes its mean edge about 1, so that no
@@ -177,6 +178,12 @@ impl Shape {
         points.iter().zip(&self.used).filter(|(_, used)| **used).map(|(p, _)| off(p)).collect()
     }
 
+    /// Adds a fairing of the faces, relative to the start.
+    pub fn fair(&self, fairing: Fairing, quadratic: &mut Quadratic) {
+        let stencils = laplacian(self.start.len(), self.faces.iter());
+        fairing.add_to(&stencils, self.start.as_flattened(), quadratic);
+    }
+
     /// Soft: closeness to the reference, and fairing; hard: nothing yet.
     pub fn posed(&self, settings: &ShapeSettings) -> Result<Posed, ShapeError> {
         let (n, way) = (self.start.len(), Way::of(settings));
@@ -184,23 +191,11 @@ impl Shape {
         let near = Cells::<Vertex, _>::new(nodes, 1, Near::Shared(self.surface.clone()))?;
         let near: Box<dyn Term> = Box::new(Batch::new(Arc::new(near), way.hold(Hold::Soft(settings.closeness))));
         let mut quadratic = Quadratic::default();
-        let stencils = fairing::laplacian(n, self.faces.iter());
-        if settings.fairing > 0.0 && !stencils.is_empty() {
-            hold_shape(&mut quadratic, stencils.form(n, settings.fairing), &self.start);
-        }
+        self.fair(Fairing { smooth: 0.0, relative: settings.fairing }, &mut quadratic);
         let loose = (0..n as u32).filter(|v| !self.used[*v as usize]);
         quadratic.springs = loose.map(|v| (v, settings.closeness, self.start[v as usize])).collect();
         Ok(Posed { way, ..Posed::new(self.start.as_flattened().to_vec(), vec![near], quadratic) })
     }
-}
-
-/// weight/2 |L (x - x~)|^2 = 1/2 x^T K x - (K x~) . x + 1/2 x~^T K x~ beside what there is, as its only form.
-pub(super) fn hold_shape(quadratic: &mut Quadratic, form: SymmetricForm, before: &[V3]) {
-    let before = before.as_flattened();
-    let mut loads = vec![0.0; before.len()];
-    quadratic.constant += form.value_and_gradient(before, 3, Some(&mut loads));
-    quadratic.form = form;
-    quadratic.loads = loads;
 }
 
 impl Posed {

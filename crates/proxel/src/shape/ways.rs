@@ -44,7 +44,7 @@ pub(super) fn method(admm: Admm, settings: &ShapeSettings) -> Result<Box<dyn Met
         // In the metric of the splitting: sooner where `auto` goes on, later where it does not.
         ShapeMethod::Auto => Algorithm::Two,
         ShapeMethod::AaAdmm => Algorithm::TwoRaw,
-        ShapeMethod::Aadr => Algorithm::Reflection,
+        ShapeMethod::Aadr => Algorithm::DouglasRachford,
         ShapeMethod::Shapeup => Algorithm::Alternation,
     };
     // Without columns the same iterates as without acceleration, with merits.

@@ -15,7 +15,8 @@ use rayon::prelude::*;
 ///
 /// It has half the numbers of (z, u), and z follows from it by the prox, so that hard sets are no obstacle. Its merit is the
 /// square of the fixed-point residual, |W(G(s) - s)|^2 = |W(Dx - z)|^2, which needs the next x: a rejected point costs a
-/// local and a global step. [`super::Envelope`] judges the same variable by an envelope of the objective.
+/// local and a global step. Ouyang et al.'s implementation has it for problems of many hard sets; [`super::Envelope`]
+/// judges the same variable by an envelope of the objective.
 pub struct DouglasRachford {
     sense: Sense, // of s, by Dx - z
     coupled: Vec<Vec<f64>>,

@@ -1,4 +1,4 @@
-//! The Douglas-Rachford iteration, by its envelope and by its residual.
+//! The Douglas-Rachford iteration, judged by its envelope.
 
 use super::carrier::{CHUNK, COUPLE, Carrier, Extrapolated, Sense, check_order, coupled, of_sense};
 use super::{BuildError, Merit};
@@ -69,52 +69,5 @@ impl Carrier for Envelope {
         // s = z + u: z is its prox, u what is left.
         self.sense.begin(p, u, |p, u| p + 2.0 * u);
         Some(Merit { value: f + local.value_after + product + 0.5 * square, residual: square.sqrt() })
-    }
-}
-
-/// The same iteration, judged by the primal residual |W(Dx - z)|^2, which is the square of its fixed-point residual: the
-/// merit that Ouyang et al.'s implementation has for problems of many hard sets, of which the envelope knows no more.
-pub struct Reflection(Envelope);
-
-impl Carrier for Reflection {
-    const NAME: &'static str = "aadr by residuals";
-    const ORDER: Order = Order::Xzu;
-    const EXTRAPOLATED: Extrapolated = Extrapolated::PositionsAndDual;
-    const LATE: bool = true;
-    const SENSING: f64 = 1.5 * COUPLE;
-    const REFUSAL: (f64, f64) = (1.0 + COUPLE, 1.0);
-    const KEEPS_HISTORY: bool = false;
-
-    fn check(admm: &Admm) -> Result<(), BuildError> {
-        check_order(admm, Self::NAME, Self::ORDER)?;
-        // A z without a dual is no part of s, and would be a second variable.
-        match admm.terms().iter().position(|term| !term.has_dual()) {
-            Some(term) => Err(BuildError::NoDual { term, algorithm: Self::NAME }),
-            None => Ok(()),
-        }
-    }
-
-    fn new(problem: &Problem) -> Self {
-        Reflection(Envelope::new(problem))
-    }
-
-    fn sense(&self) -> &Sense {
-        self.0.sense()
-    }
-
-    fn sense_mut(&mut self) -> &mut Sense {
-        self.0.sense_mut()
-    }
-
-    fn after_global(
-        &mut self,
-        problem: &mut Problem,
-        x: &[f64],
-        p: &[Vec<f64>],
-        u: &[Vec<f64>],
-        local: &LocalReport,
-    ) -> Option<Merit> {
-        let merit = self.0.after_global(problem, x, p, u, local)?;
-        Some(Merit::of_square(merit.residual * merit.residual))
     }
 }

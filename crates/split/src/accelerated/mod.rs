@@ -9,9 +9,8 @@
 //! | [`ForwardResidual`] | x-z-u | z, u by A(21) | forward residual A(22) | A, Algorithm 3 |
 //! | [`ForwardResidualZxu`] | z-x-u | u, x by A(23) | forward residual A(24) | A, Algorithm 4 |
 //! | [`LocalAlone`], [`DualAlone`] | x-z-u | z or u, the rest rides along | forward residual A(22) | A, appendix E |
-//! | [`DouglasRachford`] | x-z-u | s = c(Dx) + u | fixed-point residual of s | Eckstein and Bertsekas 1992 |
+//! | [`DouglasRachford`] | x-z-u | s = c(Dx) + u | fixed-point residual of s | Eckstein and Bertsekas 1992; Ouyang et al.'s implementation |
 //! | [`Envelope`] | x-z-u | s = c(Dx) + u of the Douglas-Rachford iteration | envelope | Ouyang et al. 2020 |
-//! | [`Reflection`] | x-z-u | the same | primal residual | their implementation |
 //! | [`Alternation`] | z-x-u without duals | x | objective | Peng et al. 2018 |
 //!
 //! Accelerators are [`Anderson`] of both types, [`Momentum`] and [`Unaccelerated`]. The first carrier works with any
@@ -40,7 +39,7 @@ pub use account::Account;
 pub use alternation::Alternation;
 pub use carrier::{Carrier, Extrapolated, Sense};
 pub use douglas_rachford::DouglasRachford;
-pub use envelope::{Envelope, Reflection};
+pub use envelope::Envelope;
 pub use error::BuildError;
 pub use pair::{CombinedResidual, CombinedResidualZxu};
 pub use raw::CombinedResidualRaw;

@@ -2,7 +2,7 @@
 
 use super::{
     Accelerated, Alternation, BuildError, Carrier, CombinedResidual, CombinedResidualRaw, CombinedResidualZxu,
-    DouglasRachford, DualAlone, Envelope, ForwardResidual, ForwardResidualZxu, History, LocalAlone, Reflection,
+    DouglasRachford, DualAlone, Envelope, ForwardResidual, ForwardResidualZxu, History, LocalAlone,
 };
 use crate::accelerator::{Accelerator, Anderson, Kind, Momentum, Unaccelerated};
 use crate::{Admm, Cycle, Method, Order};
@@ -29,8 +29,6 @@ pub enum Algorithm {
     DouglasRachford,
     /// The same, judged by an envelope: Ouyang et al. 2020.
     Envelope,
-    /// The same, judged by the primal residual.
-    Reflection,
     /// Nearest points and a solve in turns, without duals: Peng et al. 2018 on Bouaziz et al. 2012.
     Alternation,
 }
@@ -163,7 +161,6 @@ impl Acceleration {
             Algorithm::DualAlone => parts.assemble::<DualAlone>(),
             Algorithm::DouglasRachford => parts.assemble::<DouglasRachford>(),
             Algorithm::Envelope => parts.assemble::<Envelope>(),
-            Algorithm::Reflection => parts.assemble::<Reflection>(),
             Algorithm::Alternation => parts.assemble::<Alternation>(),
         }
     }

@@ -1,7 +1,7 @@
 //! From a recipe to a problem.
 
 use super::super::measure::{self, ConstraintReport, changes};
-use super::super::problem::{Demand, Posed, Shape, Unit, hold_shape};
+use super::super::problem::{Demand, Posed, Shape, Unit};
 use super::super::solve::{Solved, in_threads, report, sizes, solve};
 use super::super::ways::Way;
 use super::super::{FaceErrors, ShapeError, ShapeInput, ShapeSettings, Shaped};
@@ -10,12 +10,13 @@ use super::select::Selector;
 use super::{ConstraintSpec, EdgeSpec, FaceSpec, Kind, LengthName, LengthSpec, Recipe, VertexSpec};
 use crate::deform::Hooks;
 use proxel_mesh::Mesh;
+use proxel_model::constraint::fairing::{Fairing, rings_of_four};
 use proxel_model::constraint::{
     AngleRange, Cells, Circle, Closest, Conical, Curve, EdgeDifference, Hold, Length, Line, MeanCentred, Near,
     Parallelogram, Planar, Plane, Points, Rectangle, Reduction, RegularPolygon, Rigid, Set, Similar, Spokes, Symmetric,
-    Template, TipDifferences, V3, Vertex, Vertices, fairing,
+    Template, TipDifferences, V3, Vertex, Vertices,
 };
-use proxel_split::{Quadratic, SymmetricForm};
+use proxel_split::Quadratic;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -98,7 +99,6 @@ struct Builder<'a> {
 /// What is added to, and what a constraint is about.
 struct Adding<'a> {
     posed: &'a mut Posed,
-    forms: &'a mut Vec<SymmetricForm>,
     fixed: &'a mut Vec<u32>,
     selector: &'a Selector<'a>,
     hold: Hold,
@@ -141,28 +141,17 @@ impl Builder<'_> {
         let quadratic = Quadratic { springs, ..Quadratic::default() };
         let mut posed = Posed::new(start.as_flattened().to_vec(), Vec::new(), quadratic);
         posed.way = Way::of(self.settings);
-        let (mut forms, mut fixed) = (Vec::new(), Vec::new());
+        let mut fixed = Vec::new();
         for (i, c) in self.recipe.constraints.iter().enumerate() {
             let hold = c.weight.map_or(Hold::Hard(self.settings.mu), Hold::Soft);
-            let mut adding = Adding {
-                posed: &mut posed,
-                forms: &mut forms,
-                fixed: &mut fixed,
-                selector: &selector,
-                hold,
-                name: called(i, c),
-            };
+            let mut adding =
+                Adding { posed: &mut posed, fixed: &mut fixed, selector: &selector, hold, name: called(i, c) };
             self.add(c, &mut adding).map_err(|what| ShapeError(format!("{}: {what}", place(i, c))))?;
         }
-        if posed.groups.is_empty() && forms.is_empty() {
+        if posed.groups.is_empty() && posed.problem.quadratic.form.is_empty() {
             return Err(ShapeError(
                 "the constraints are about nothing: no vertex, edge or face is selected".to_string(),
             ));
-        }
-        if let Some(fair) = (!forms.is_empty()).then(|| SymmetricForm::sum(&forms)) {
-            let loads = std::mem::take(&mut posed.problem.quadratic.loads);
-            posed.problem.quadratic.form = fair;
-            posed.problem.quadratic.loads = loads;
         }
         Ok((posed, fixed))
     }
@@ -233,7 +222,7 @@ impl Builder<'_> {
             }
             Kind::Conical => {
                 let wanted = self.vertices(c, to.selector, "inner")?;
-                let rings = fairing::rings_of_four(self.frame.start.len(), self.frame.faces.iter());
+                let rings = rings_of_four(self.frame.start.len(), self.frame.faces.iter());
                 let ring = |v: &u32| rings.binary_search_by_key(v, |r| r[0]).ok().map(|at| rings[at]);
                 if c.vertices.is_some()
                     && let Some(v) = wanted.iter().find(|v| ring(v).is_none())
@@ -327,21 +316,12 @@ impl Builder<'_> {
                 to.add::<Vertex, _>(own, 1, plane, Unit::Length, ids)
             }
             Kind::RelativeLaplacian | Kind::Laplacian => {
-                let n = self.frame.start.len();
-                let form = fairing::laplacian(n, self.frame.faces.iter()).form(n, c.weight.unwrap_or(0.0));
-                if c.kind == Kind::RelativeLaplacian {
-                    let mut held = Quadratic::default();
-                    hold_shape(&mut held, form, &self.frame.start);
-                    let quadratic = &mut to.posed.problem.quadratic;
-                    quadratic.constant += held.constant;
-                    match quadratic.loads.is_empty() {
-                        true => quadratic.loads = held.loads,
-                        false => quadratic.loads.iter_mut().zip(&held.loads).for_each(|(a, b)| *a += b),
-                    }
-                    to.forms.push(held.form);
-                } else {
-                    to.forms.push(form);
-                }
+                let weight = c.weight.unwrap_or(0.0);
+                let fairing = match c.kind {
+                    Kind::Laplacian => Fairing { smooth: weight, relative: 0.0 },
+                    _ => Fairing { smooth: 0.0, relative: weight },
+                };
+                self.frame.fair(fairing, &mut to.posed.problem.quadratic);
                 Ok(())
             }
         }
