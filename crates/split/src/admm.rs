@@ -8,14 +8,15 @@
 //! | R-ADMM | polar | [`crate::Lbfgs`] | none |
 //! | WRAPD | polar | [`crate::Lbfgs`] | W(22)-(23) |
 
+mod method;
 mod safe;
+mod weights;
 
 use crate::balancing::{Balance, Balancing};
 use crate::penalty::SafePenalty;
 use crate::{
-    BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, Method, NormalMatrix, Objective, Order,
-    Problem, Pull, Residual, Residuals, Reweighting, Splitting, SquaredResiduals, StepReport, SystemError, Term, Trial,
-    reweight::Settling, vector,
+    BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, NormalMatrix, Objective, Order, Problem,
+    Pull, Reweighting, StepReport, SystemError, Term, Trial, reweight::Settling,
 };
 use rayon::prelude::*;
 
@@ -204,56 +205,6 @@ impl Admm {
         self.settings.global.work()
     }
 
-    /// Squared weights become mu times the base weights; forces stay.
-    fn weigh(&mut self, mu: f64) {
-        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
-            term.propose_weights((mu, mu));
-            term.take_weights(p, u);
-        }
-    }
-
-    /// New weights in the normal matrix, or in what the global step has in its place.
-    fn refactor_normal(&mut self) -> Result<(), SystemError> {
-        self.settings.global.reset();
-        if self.settings.global.precision().is_some() {
-            self.normal.refactor(&self.problem)?;
-        }
-        self.settings.global.weigh(&self.problem)
-    }
-
-    /// Raises or lowers the penalty where one residual is much larger than the other.
-    fn balance(&mut self, local: &LocalReport) -> Result<bool, SystemError> {
-        let Some(mu) = self.balancing.as_mut().and_then(|balance| balance.next(local.gap2, local.moved2)) else {
-            return Ok(false);
-        };
-        self.weigh(mu);
-        self.refactor_normal()?;
-        Ok(true)
-    }
-
-    /// Takes the candidate weights where one of them asks for it, W(22)-(23).
-    fn reweight(&mut self) -> Result<bool, SystemError> {
-        let Some(reweighting) = self.settings.reweighting else { return Ok(false) };
-        let Some(range) = reweighting.range.at(self.iteration) else { return Ok(false) };
-        let mut hardened = false;
-        if let Some(rule) = &reweighting.hardening
-            && self.settling.has_stopped(self.moved2, rule)
-        {
-            for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
-                hardened |= term.harden(rule, &self.x, p, u);
-            }
-        }
-        let ratio = self.problem.terms.iter_mut().map(|term| term.propose_weights(range)).fold(1.0, f64::max);
-        if ratio <= reweighting.trigger && !hardened {
-            return Ok(false);
-        }
-        for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
-            term.take_weights(p, u);
-        }
-        self.refactor_normal()?;
-        Ok(true)
-    }
-
     /// The first half of an iteration: W(10b) and W(10c).
     pub(crate) fn local_half(&mut self) -> LocalReport {
         self.evaluation = None;
@@ -430,130 +381,5 @@ impl Admm {
     /// Problem, matrix, positions and settings, for another method to go on.
     pub fn into_parts(self) -> (Problem, NormalMatrix, Vec<f64>, AdmmSettings) {
         (self.problem, self.normal, self.x, self.settings)
-    }
-}
-
-impl Method for Admm {
-    fn name(&self) -> &str {
-        &self.settings.name
-    }
-
-    fn step(&mut self) -> Result<StepReport, SystemError> {
-        let mut local = self.local_half(); // W(10b), W(10c)
-        let mut inner = 0;
-        for _ in 1..self.alternations {
-            inner += self.positions_step(&local)?;
-            local = self.local_half();
-        }
-        let report = self.global_half(local)?; // W(10a), W(22)-(23)
-        Ok(StepReport { inner: report.inner + inner, ..report })
-    }
-
-    fn x(&self) -> &[f64] {
-        &self.x
-    }
-
-    fn problem(&self) -> &Problem {
-        &self.problem
-    }
-
-    fn energy(&mut self) -> EnergyReport {
-        *self.energy.get_or_insert_with(|| match self.f {
-            Some(f) => self.problem.energy_beside(f, &self.x),
-            None => self.problem.energy(&self.x, None),
-        })
-    }
-
-    fn evaluate(&mut self) -> Evaluation {
-        *self.evaluation.get_or_insert_with(|| {
-            let energy = self.problem.energy(&self.x, Some(&mut self.grad));
-            self.energy = Some(energy);
-            Evaluation { energy, gradient_norm: self.problem.gradient_norm(&mut self.grad) }
-        })
-    }
-
-    fn forward_residual(&mut self) -> Option<f64> {
-        let mut residual = Residual::default();
-        for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
-            residual += term.residual(&self.x, p, u);
-        }
-        Some(residual.gap2)
-    }
-
-    fn begin(&mut self, x: &[f64], keeps_duals: bool, change: &mut dyn FnMut(&mut Problem)) -> Result<(), SystemError> {
-        if x.len() != self.x.len() {
-            let (got, want) = (x.len(), self.x.len());
-            return Err(SystemError::Stalled(format!("a start of {got} numbers for a problem of {want}")));
-        }
-        self.restart_with(x, keeps_duals, change);
-        self.iteration = 0;
-        if let Some(balance) = &mut self.balancing {
-            balance.restart();
-        }
-        self.problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
-        match self.safe {
-            Some(_) => self.take_safe_penalty(),
-            None => Ok(()),
-        }
-    }
-
-    fn refactor(&mut self) -> Result<(), SystemError> {
-        self.refactor_normal()
-    }
-
-    fn splitting(&mut self) -> Option<Splitting<'_>> {
-        Some(Splitting { problem: &mut self.problem, x: &self.x, p: &self.p, u: &self.u })
-    }
-
-    fn squared_residuals(&mut self) -> Option<SquaredResiduals> {
-        let last = self.last?;
-        if self.cycle.order == Order::Xzu {
-            return Some(SquaredResiduals { forward: self.forward_residual()?, combined: last.combined() });
-        }
-        let (mut now, mut then) = (Vec::new(), Vec::new());
-        let (mut weights, mut moved2) = (Vec::new(), 0.0);
-        for term in &mut self.problem.terms {
-            for of in [&mut now, &mut then, &mut weights] {
-                of.resize(term.local_len(), 0.0);
-            }
-            term.couple(&self.x, &mut now);
-            term.couple(&self.before, &mut then);
-            term.local_weights2(&mut weights);
-            for (w, (now, then)) in weights.iter_mut().zip(now.iter_mut().zip(&then)) {
-                *now -= then;
-                *w *= *now;
-            }
-            moved2 += vector::dot(&weights, &now);
-        }
-        Some(SquaredResiduals { forward: last.gap2, combined: self.forward_residual()? + moved2 })
-    }
-
-    fn factor_bytes(&self) -> u64 {
-        self.normal.factor_bytes()
-    }
-
-    fn into_problem(self: Box<Self>) -> Problem {
-        self.problem
-    }
-
-    fn residuals(&mut self) -> Residuals {
-        let mut residual = Residual::default();
-        for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
-            residual += term.residual(&self.x, p, u);
-        }
-        let relative = |part2: f64| (part2 / residual.size2.max(f64::MIN_POSITIVE)).sqrt();
-        Residuals { primal: relative(residual.gap2), dual: relative(self.moved2) }
-    }
-
-    fn forces(&mut self) -> Option<Vec<f64>> {
-        let mut forces = vec![0.0; self.x.len()];
-        self.problem.penalty(&self.x, &self.p, &mut forces);
-        Some(forces)
-    }
-
-    fn forces_of_term(&mut self, term: usize) -> Option<Vec<f64>> {
-        let mut forces = vec![0.0; self.x.len()];
-        self.problem.terms.get_mut(term)?.penalty(&self.x, &self.p[term], &mut forces);
-        Some(forces)
     }
 }

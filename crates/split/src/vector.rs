@@ -127,6 +127,31 @@ pub fn subtract(out: &mut [f64], a: &[f64], b: &[f64]) {
     rayon::join(|| subtract(o0, a0, b0), || subtract(o1, a1, b1));
 }
 
+/// to = from
+pub fn copy(to: &mut [f64], from: &[f64]) {
+    debug_assert_eq!(to.len(), from.len());
+    if to.len() <= LEAF {
+        return to.copy_from_slice(from);
+    }
+    let m = middle(to.len());
+    let ((t0, t1), (f0, f1)) = (to.split_at_mut(m), from.split_at(m));
+    rayon::join(|| copy(t0, f0), || copy(t1, f1));
+}
+
+/// out = now - before, and before = now; |out|^2.
+pub fn advance(out: &mut [f64], before: &mut [f64], now: &[f64]) -> f64 {
+    debug_assert!(out.len() == now.len() && now.len() == before.len());
+    if out.len() <= LEAF {
+        dispatch(CombineLeaf { out, a: Some(now), c: -1.0, b: before });
+        before.copy_from_slice(now);
+        return dot_leaf(out, out);
+    }
+    let m = middle(out.len());
+    let ((o0, o1), (b0, b1), (n0, n1)) = (out.split_at_mut(m), before.split_at_mut(m), now.split_at(m));
+    let (l, r) = rayon::join(|| advance(o0, b0, n0), || advance(o1, b1, n1));
+    l + r
+}
+
 /// out = c a
 pub fn scale_to(out: &mut [f64], c: f64, a: &[f64]) {
     debug_assert_eq!(out.len(), a.len());
@@ -276,7 +301,12 @@ pub fn add_combination_then_dot<'v>(
 
 /// Whether every entry is a finite number.
 pub fn is_finite(a: &[f64]) -> bool {
-    a.iter().all(|v| v.is_finite())
+    if a.len() <= LEAF {
+        return a.iter().all(|v| v.is_finite());
+    }
+    let (l, r) = a.split_at(middle(a.len()));
+    let (l, r) = rayon::join(|| is_finite(l), || is_finite(r));
+    l && r
 }
 
 /// The largest side of the box around positions, `dim` numbers a node; at least the smallest normal number.
@@ -336,6 +366,11 @@ mod tests {
             scale_to(&mut scaled, -3.0, &a);
             let mut o = vec![0.0; n];
             subtract(&mut o, &a, &b);
+            let (mut moved, mut before) = (vec![7.0; n], b.clone());
+            let square = advance(&mut moved, &mut before, &a);
+            assert!(moved == o && before == a && (square - dot(&o, &o)).abs() <= 1e-13 * square, "n = {n}");
+            copy(&mut moved, &b);
+            assert!(moved == b && is_finite(&b), "n = {n}");
             let mut z = o.clone();
             add_scaled(&mut z, 3.0, &b);
             for i in 0..n {

@@ -9,11 +9,13 @@ use super::{Relation, Row, Set, V3, across, add, cross, dot, norm, scale};
 /// theta = atan2(|v2|^2 sin 2 eta, |v1|^2 + |v2|^2 cos 2 eta) / 2.
 #[derive(Clone, Copy, Debug)]
 pub struct AngleRange {
-    /// Least angle.
-    pub low: f64,
-    /// Largest angle.
-    pub high: f64,
+    low: f64,
+    high: f64,
+    within: (f64, f64), // cosines of angles that are in the range for certain
 }
+
+/// Cosines nearer to a bound than this are decided by the angle.
+const CLOSE: f64 = 1e-9;
 
 /// The angle between two vectors, exact for small ones and those near pi.
 pub(crate) fn angle(a: V3, b: V3) -> f64 {
@@ -31,8 +33,18 @@ fn toward(a: V3, b: V3) -> V3 {
 }
 
 impl AngleRange {
+    /// From `low` to `high`, radians.
+    pub fn new(low: f64, high: f64) -> Self {
+        AngleRange { low, high, within: (high.cos() + CLOSE, low.cos() - CLOSE) }
+    }
+
     /// How much the sides have to be turned apart; below 0 together, 0 within the range and where a side has no length.
     fn missing(&self, a: V3, b: V3) -> f64 {
+        let size = (dot(a, a) * dot(b, b)).sqrt();
+        let cosine = dot(a, b);
+        if cosine > self.within.0 * size && cosine < self.within.1 * size {
+            return 0.0;
+        }
         if !(norm(a) > 0.0 && norm(b) > 0.0) {
             return 0.0;
         }

@@ -36,8 +36,8 @@ pub struct Batch<R, S> {
     weight2: f64,   // as it is
     candidate: f64, // as it may become
     gather: Gather,
-    z: Vec<V3>,       // scratch; for soft sets the nearest point to `at`
-    at: Vec<V3>,      // Dx that z is nearest to, where sets are soft: a pass at the same x does not ask again
+    nearest: Vec<V3>, // where sets are soft: the nearest points to `at`
+    at: Vec<V3>,      // Dx that they are nearest to: a pass at the same x does not ask again
     forces: Vec<V3>,  // scratch: a corner each
     hints: Vec<Hint>, // of sets that search, an element each
 }
@@ -50,11 +50,11 @@ impl<R: Reduction, S: Set> Batch<R, S> {
             Hold::Soft(w) => w,
         };
         let local = cells.len() * cells.rows;
-        let at = if !matches!(hold, Hold::Hard(_)) { vec![[f64::NAN; 3]; local] } else { Vec::new() };
+        let soft = if matches!(hold, Hold::Hard(_)) { 0 } else { local };
         Batch {
             gather: Gather::new(&cells.nodes),
-            z: vec![[0.0; 3]; local],
-            at,
+            nearest: vec![[0.0; 3]; soft],
+            at: vec![[f64::NAN; 3]; soft],
             forces: vec![[0.0; 3]; cells.nodes.len()],
             hints: if cells.set.takes_hints() { vec![Hint::default(); cells.len()] } else { Vec::new() },
             hold,
@@ -83,12 +83,12 @@ impl<R: Reduction, S: Set> Batch<R, S> {
         self.gather.add(&self.forces, grad.as_chunks_mut::<3>().0);
     }
 
-    /// z <- the points nearest to Dx, where that has changed.
+    /// The points nearest to Dx, where that has changed.
     fn follow(&mut self, x: &[f64]) {
         let cells = &*self.cells;
         let rows = cells.rows;
         let x = x.as_chunks::<3>().0;
-        let numbers = self.z.par_chunks_mut(CHUNK * rows).zip(self.at.par_chunks_mut(CHUNK * rows));
+        let numbers = self.nearest.par_chunks_mut(CHUNK * rows).zip(self.at.par_chunks_mut(CHUNK * rows));
         let hints = hints_by_chunk(&mut self.hints, cells.len());
         numbers.zip(hints).enumerate().for_each(|(chunk, ((z, at), hints))| {
             let mut c = vec![[0.0; 3]; rows];
@@ -114,13 +114,13 @@ impl<R: Reduction, S: Set> Batch<R, S> {
         // z = v + part (P(v) - v): P(v) is the point nearest to all of the way.
         let part = weight.map_or(1.0, |w| w / (w + w2));
         let state = p.par_chunks_mut(CHUNK * rows).zip(u.par_chunks_mut(CHUNK * rows));
-        let scratch = self.z.par_chunks_mut(CHUNK * rows).zip(self.forces.par_chunks_mut(CHUNK * corners));
+        let forces = self.forces.par_chunks_mut(CHUNK * corners);
         let hints = hints_by_chunk(&mut self.hints, cells.len());
-        let chunks = scratch.zip(state).zip(hints).enumerate().map(|(chunk, (((z, forces), (p, u)), hints))| {
+        let chunks = forces.zip(state).zip(hints).enumerate().map(|(chunk, ((forces, (p, u)), hints))| {
             let mut report = LocalReport::default();
-            let elements = forces.chunks_exact_mut(corners).zip(z.chunks_exact_mut(rows));
+            let mut z = vec![[0.0; 3]; rows];
             let state = p.chunks_exact_mut(rows).zip(u.chunks_exact_mut(rows));
-            for (k, ((f, z), (p, u))) in elements.zip(state).enumerate() {
+            for (k, (f, (p, u))) in forces.chunks_exact_mut(corners).zip(state).enumerate() {
                 let e = chunk * CHUNK + k;
                 R::reduce(x, cells.element(e), &mut f[..rows]);
                 // While z is sought p holds the z of before, and u holds v where it is to become v - z.
@@ -134,7 +134,7 @@ impl<R: Reduction, S: Set> Batch<R, S> {
                         u[r][d] = if updates_dual { z[r][d] } else { u[r][d] };
                     }
                 }
-                nearest(&cells.set, e, z, hints.get_mut(k));
+                nearest(&cells.set, e, &mut z, hints.get_mut(k));
                 for r in 0..rows {
                     for d in 0..3 {
                         let c = f[r][d];
@@ -190,9 +190,9 @@ impl<R: Reduction, S: Set> Batch<R, S> {
     /// The same toward the nearest points.
     fn aim_at_nearest(&mut self, x: &[f64]) -> f64 {
         self.follow(x);
-        let z = std::mem::take(&mut self.z);
-        let value = self.aim(x, &z);
-        self.z = z;
+        let nearest = std::mem::take(&mut self.nearest);
+        let value = self.aim(x, &nearest);
+        self.nearest = nearest;
         value
     }
 }
@@ -228,7 +228,7 @@ impl<R: Reduction, S: Set> Term for Batch<R, S> {
     }
 
     fn local_len(&self) -> usize {
-        3 * self.z.len()
+        3 * self.cells.len() * self.cells.rows
     }
 
     fn local_dim(&self) -> usize {
@@ -256,7 +256,7 @@ impl<R: Reduction, S: Set> Term for Batch<R, S> {
     fn cycle_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
         let report = if self.is_soft() {
             let objective = self.aim_at_nearest(x);
-            p.copy_from_slice(self.z.as_flattened());
+            p.copy_from_slice(self.nearest.as_flattened());
             u.fill(0.0);
             // What it is worth; penalties and residuals are those of split variables.
             LocalReport { value_after: objective, objective, ..LocalReport::default() }

@@ -69,7 +69,7 @@ fn the_nearest_length() {
 
 #[test]
 fn the_nearest_angle() {
-    let range = AngleRange { low: 0.9, high: 2.0 };
+    let range = AngleRange::new(0.9, 2.0);
     check_projection(&range, 2, 2.0, |near, random| {
         // The second side turned in the plane of both, to any angle within the range.
         let (a, b) = (near[0], near[1]);
@@ -145,7 +145,7 @@ fn rows_are_derivatives() {
         check_rows(Planar, corners, true);
     }
     check_rows(Length::equal(0.7), 1, true);
-    check_rows(AngleRange { low: 1.0, high: 1.2 }, 2, false);
+    check_rows(AngleRange::new(1.0, 1.2), 2, false);
 }
 
 /// The unit sphere.
@@ -160,7 +160,7 @@ impl Closest for Ball {
 fn batches() -> Vec<(Box<dyn Term>, usize)> {
     let quads = Arc::new(Cells::<MeanCentred, _>::new(vec![0, 1, 2, 3, 3, 2, 4, 5], 4, Planar).unwrap());
     let edges = Arc::new(Cells::<EdgeDifference, _>::new(vec![0, 1, 4, 2, 5, 0], 2, Length::equal(0.8)).unwrap());
-    let angles = AngleRange { low: 1.0, high: 1.1 };
+    let angles = AngleRange::new(1.0, 1.1);
     let angles = Arc::new(Cells::<TipDifferences, _>::new(vec![0, 1, 2, 5, 4, 1], 3, angles).unwrap());
     let near = Arc::new(Cells::<Vertex, _>::new(vec![0, 2, 5], 1, Near::Shared(Arc::new(Ball))).unwrap());
     vec![
@@ -293,7 +293,7 @@ fn fairing_has_the_stencils_of_a_grid() {
 #[test]
 fn elements_that_fit_no_set_are_refused() {
     assert!(Cells::<EdgeDifference, _>::new(vec![0, 1, 2], 2, Length::equal(1.0)).is_err());
-    assert!(Cells::<TipDifferences, _>::new(vec![0, 1], 2, AngleRange { low: 0.0, high: 1.0 }).is_err());
+    assert!(Cells::<TipDifferences, _>::new(vec![0, 1], 2, AngleRange::new(0.0, 1.0)).is_err());
     assert!(Cells::<MeanCentred, _>::new(vec![], 0, Planar).is_err());
 }
 

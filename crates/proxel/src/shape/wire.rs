@@ -129,7 +129,7 @@ fn posed(shape: &Shape, settings: &WireSettings) -> Result<Posed, ShapeError> {
         let k = face.len();
         (0..k).flat_map(move |i| [face[i], face[(i + 1) % k], face[(i + k - 1) % k]])
     });
-    let range = AngleRange { low: settings.min_angle.to_radians(), high: settings.max_angle.to_radians() };
+    let range = AngleRange::new(settings.min_angle.to_radians(), settings.max_angle.to_radians());
     let demand = Demand::hard(mu, "angle", Unit::Angle);
     posed.constrain(Cells::<TipDifferences, _>::new(tips.collect(), 3, range)?, demand);
     Ok(posed)

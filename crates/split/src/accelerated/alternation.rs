@@ -60,8 +60,8 @@ impl Carrier for Alternation {
         _: &[Vec<f64>],
         _: &LocalReport,
     ) -> Option<Merit> {
-        self.0.residual.copy_from_slice(Self::free(problem, x));
-        self.0.subtract();
+        let Sense { before, residual, .. } = &mut self.0;
+        vector::subtract(residual, Self::free(problem, x), before);
         None
     }
 }

@@ -124,14 +124,7 @@ impl Sense {
 
     /// residual <- w value(p, u) - before, where q is one vector.
     pub(super) fn end(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], value: impl Fn(f64, f64) -> f64 + Sync) {
-        scaled(&mut self.residual, &self.weights, p, u, value);
-        self.subtract();
-    }
-
-    /// residual <- residual - before
-    pub(super) fn subtract(&mut self) {
-        let numbers = self.residual.par_iter_mut().zip(&self.before);
-        numbers.with_min_len(CHUNK).for_each(|(to, from)| *to -= from);
+        departure(&mut self.residual, &self.before, &self.weights, p, u, value);
     }
 
     /// |residual|^2 as a merit.
@@ -160,7 +153,7 @@ macro_rules! of_sense {
 pub(super) use of_sense;
 
 /// w for every entry of the local vectors of all terms, one after another.
-fn packed_weights(problem: &Problem) -> Vec<f64> {
+pub(super) fn packed_weights(problem: &Problem) -> Vec<f64> {
     let mut weights = vec![0.0; problem.terms.iter().map(|term| term.local_len()).sum()];
     let mut rest = weights.as_mut_slice();
     for term in &problem.terms {
@@ -188,6 +181,35 @@ pub(super) fn scaled(
         numbers.with_min_len(CHUNK).for_each(|((out, w), (p, u))| *out = w * value(*p, *u));
         (out, weights) = (tail, w_tail);
     }
+}
+
+/// out <- w value(p, u) - before, entry by entry of all terms, one after another; |out|^2.
+pub(super) fn departure(
+    out: &mut [f64],
+    before: &[f64],
+    weights: &[f64],
+    p: &[Vec<f64>],
+    u: &[Vec<f64>],
+    value: impl Fn(f64, f64) -> f64 + Sync,
+) -> f64 {
+    let (mut out, mut before, mut weights, mut square) = (out, before, weights, 0.0);
+    for (p, u) in p.iter().zip(u) {
+        let (head, tail) = out.split_at_mut(p.len());
+        let ((b, b_tail), (w, w_tail)) = (before.split_at(p.len()), weights.split_at(p.len()));
+        let numbers = head.par_chunks_mut(CHUNK).zip(b.par_chunks(CHUNK)).zip(w.par_chunks(CHUNK));
+        let numbers = numbers.zip(p.par_chunks(CHUNK).zip(u.par_chunks(CHUNK)));
+        let squares: Vec<f64> = numbers
+            .map(|(((out, before), w), (p, u))| {
+                for i in 0..out.len() {
+                    out[i] = w[i] * value(p[i], u[i]) - before[i];
+                }
+                vector::dot(out, out)
+            })
+            .collect();
+        square += squares.iter().sum::<f64>();
+        (out, before, weights) = (tail, b_tail, w_tail);
+    }
+    square
 }
 
 /// That the iteration has this order.

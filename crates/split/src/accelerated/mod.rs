@@ -19,7 +19,7 @@
 use crate::accelerator::{Accelerator, Iterate, Proposal};
 use crate::{
     Admm, EnergyReport, Evaluation, LocalReport, Method, Order, Problem, Residuals, Splitting, SquaredResiduals,
-    StepReport, SystemError, Trial,
+    StepReport, SystemError, Trial, vector,
 };
 
 mod account;
@@ -194,9 +194,9 @@ impl<C: Carrier> Accelerated<C> {
         if self.extrapolated {
             let (mut state, problem) = self.admm.state_and_problem();
             self.default.unpack(&self.proposal, &mut state, problem);
-            self.point.copy_from_slice(&self.proposal);
+            std::mem::swap(&mut self.point, &mut self.proposal);
         } else {
-            self.point.copy_from_slice(&self.default.values);
+            vector::copy(&mut self.point, &self.default.values);
         }
     }
 
@@ -204,7 +204,7 @@ impl<C: Carrier> Accelerated<C> {
     fn reject(&mut self, trial: &mut Trial) {
         self.default.restore(&mut self.admm.state());
         self.admm.set_iteration(self.iteration);
-        self.point.copy_from_slice(&self.default.values);
+        vector::copy(&mut self.point, &self.default.values);
         self.extrapolated = false;
         self.accelerator.refused();
         if !self.keeps_history {

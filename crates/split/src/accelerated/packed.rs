@@ -1,8 +1,9 @@
 //! The state of an iteration as one vector.
 
-use super::carrier::Extrapolated;
-use crate::Problem;
+use super::carrier::{CHUNK, Extrapolated};
 use crate::admm::State;
+use crate::{Problem, vector};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// x of the free nodes, p and u as they were, and the part of them that is extrapolated in a vector of its own.
@@ -63,23 +64,23 @@ impl Packed {
         for t in 0..self.terms.len() {
             let range = self.terms[t].clone();
             if self.extrapolated == Extrapolated::Local {
-                for ((z, p), u) in self.values[range.clone()].iter_mut().zip(&state.p[t]).zip(&state.u[t]) {
-                    *z = p + u;
-                }
+                let z = self.values[range.clone()].par_iter_mut().zip(state.p[t].par_iter().zip(&state.u[t]));
+                z.with_min_len(CHUNK).for_each(|(z, (p, u))| *z = p + u);
             }
             let (_, u, p) = self.parts();
-            u[range.clone()].copy_from_slice(&state.u[t]);
-            p[range].copy_from_slice(&state.p[t]);
+            vector::copy(&mut u[range.clone()], &state.u[t]);
+            vector::copy(&mut p[range], &state.p[t]);
         }
-        self.parts().0.copy_from_slice(state.x);
+        vector::copy(self.parts().0, state.x);
     }
 
     /// The point `values`, laid out like those here, becomes the state. Where z is not part of it, that of `state` stays, and
-    /// p follows u, which stays too where it is no part either; where z is all of it, u follows from z by A(21), and x is left to the global step.
+    /// p follows u, which stays too where it is no part either; where z is all of it, u follows from z by A(21), and x is
+    /// left to the global step.
     pub fn unpack(&self, values: &[f64], state: &mut State<'_>, problem: &mut Problem) {
         let local = self.local();
         if self.extrapolated != Extrapolated::Local {
-            state.x.copy_from_slice(&values[..self.free]);
+            vector::copy(state.x, &values[..self.free]);
         }
         if self.extrapolated == Extrapolated::Positions {
             return;
@@ -88,23 +89,23 @@ impl Packed {
             let at = |first: usize| &values[first + range.start..first + range.end];
             match self.extrapolated {
                 Extrapolated::All => {
-                    state.u[t].copy_from_slice(at(self.free));
-                    state.p[t].copy_from_slice(at(self.free + local));
+                    vector::copy(&mut state.u[t], at(self.free));
+                    vector::copy(&mut state.p[t], at(self.free + local));
                 }
                 Extrapolated::PositionsAndDual => {
                     let new = at(self.free);
-                    for ((p, old), new) in state.p[t].iter_mut().zip(&state.u[t]).zip(new) {
-                        *p += old - new;
-                    }
-                    state.u[t].copy_from_slice(new);
+                    let numbers = state.p[t].par_iter_mut().zip(state.u[t].par_iter_mut()).zip(new);
+                    numbers.with_min_len(CHUNK).for_each(|((p, u), new)| {
+                        *p += *u - new;
+                        *u = *new;
+                    });
                 }
                 Extrapolated::Positions => {}
                 Extrapolated::Local => {
                     let z = at(0);
                     problem.terms[t].dual(z, &mut state.u[t]);
-                    for ((p, z), u) in state.p[t].iter_mut().zip(z).zip(&state.u[t]) {
-                        *p = z - u;
-                    }
+                    let numbers = state.p[t].par_iter_mut().zip(z.par_iter().zip(&state.u[t]));
+                    numbers.with_min_len(CHUNK).for_each(|(p, (z, u))| *p = z - u);
                 }
             }
         }
@@ -115,9 +116,9 @@ impl Packed {
         for t in 0..self.terms.len() {
             let range = self.terms[t].clone();
             let (_, u, p) = self.parts();
-            state.u[t].copy_from_slice(&u[range.clone()]);
-            state.p[t].copy_from_slice(&p[range]);
+            vector::copy(&mut state.u[t], &u[range.clone()]);
+            vector::copy(&mut state.p[t], &p[range]);
         }
-        state.x.copy_from_slice(self.parts().0);
+        vector::copy(state.x, self.parts().0);
     }
 }

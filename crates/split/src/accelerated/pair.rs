@@ -1,6 +1,8 @@
 //! Both variables: A, Algorithms 1 and 2.
 
-use super::carrier::{COUPLE, Carrier, Extrapolated, Sense, check_order, check_sets, coupled, of_sense, scaled};
+use super::carrier::{
+    COUPLE, Carrier, Extrapolated, Sense, check_order, check_sets, coupled, departure, of_sense, scaled,
+};
 use super::{BuildError, Merit};
 use crate::{Admm, LocalReport, Order, Problem};
 
@@ -9,13 +11,6 @@ use crate::{Admm, LocalReport, Order, Problem};
 /// residual in the metric W, and is known before the global step: a rejected point costs a local step only. Positions ride
 /// along: where the global step is affine in p they are extrapolated exactly.
 pub struct CombinedResidual(Sense); // of (z, u)
-
-/// out <- W (z, u)
-fn pack(out: &mut [f64], weights: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
-    let (z, dual) = out.split_at_mut(weights.len());
-    scaled(z, weights, p, u, |p, u| p + u);
-    scaled(dual, weights, p, u, |_, u| u);
-}
 
 impl Carrier for CombinedResidual {
     const NAME: &'static str = "algorithm 1";
@@ -36,13 +31,18 @@ impl Carrier for CombinedResidual {
     of_sense!(0);
 
     fn before(&mut self, _: &mut Problem, _: &[f64], p: &[Vec<f64>], u: &[Vec<f64>]) {
-        pack(&mut self.0.before, &self.0.weights, p, u);
+        let Sense { weights, before, .. } = &mut self.0;
+        let (z, dual) = before.split_at_mut(weights.len());
+        scaled(z, weights, p, u, |p, u| p + u);
+        scaled(dual, weights, p, u, |_, u| u);
     }
 
     fn after_local(&mut self, p: &[Vec<f64>], u: &[Vec<f64>], _: &LocalReport) -> Option<Merit> {
-        pack(&mut self.0.residual, &self.0.weights, p, u);
-        self.0.subtract();
-        Some(self.0.merit())
+        let Sense { weights, before, residual } = &mut self.0;
+        let ((z, dual), (z_before, dual_before)) =
+            (residual.split_at_mut(weights.len()), before.split_at(weights.len()));
+        let square = departure(z, z_before, weights, p, u, |p, u| p + u);
+        Some(Merit::of_square(square + departure(dual, dual_before, weights, p, u, |_, u| u)))
     }
 }
 
@@ -55,21 +55,10 @@ pub struct CombinedResidualZxu {
 }
 
 impl CombinedResidualZxu {
-    /// out <- W (c(Dx), u)
-    fn pack(
-        coupled: &mut [Vec<f64>],
-        weights: &[f64],
-        problem: &mut Problem,
-        x: &[f64],
-        u: &[Vec<f64>],
-        out: &mut [f64],
-    ) {
-        for (term, coupled) in problem.terms.iter_mut().zip(coupled.iter_mut()) {
+    fn couple(&mut self, problem: &mut Problem, x: &[f64]) {
+        for (term, coupled) in problem.terms.iter_mut().zip(&mut self.coupled) {
             term.couple(x, coupled);
         }
-        let (positions, dual) = out.split_at_mut(weights.len());
-        scaled(positions, weights, coupled, u, |c, _| c);
-        scaled(dual, weights, coupled, u, |_, u| u);
     }
 }
 
@@ -93,7 +82,11 @@ impl Carrier for CombinedResidualZxu {
     of_sense!(sense);
 
     fn before(&mut self, problem: &mut Problem, x: &[f64], _: &[Vec<f64>], u: &[Vec<f64>]) {
-        Self::pack(&mut self.coupled, &self.sense.weights, problem, x, u, &mut self.sense.before);
+        self.couple(problem, x);
+        let Sense { weights, before, .. } = &mut self.sense;
+        let (positions, dual) = before.split_at_mut(weights.len());
+        scaled(positions, weights, &self.coupled, u, |c, _| c);
+        scaled(dual, weights, &self.coupled, u, |_, u| u);
     }
 
     fn after_global(
@@ -104,8 +97,11 @@ impl Carrier for CombinedResidualZxu {
         u: &[Vec<f64>],
         _: &LocalReport,
     ) -> Option<Merit> {
-        Self::pack(&mut self.coupled, &self.sense.weights, problem, x, u, &mut self.sense.residual);
-        self.sense.subtract();
-        Some(self.sense.merit())
+        self.couple(problem, x);
+        let Sense { weights, before, residual } = &mut self.sense;
+        let ((positions, dual), (positions_before, dual_before)) =
+            (residual.split_at_mut(weights.len()), before.split_at(weights.len()));
+        let square = departure(positions, positions_before, weights, &self.coupled, u, |c, _| c);
+        Some(Merit::of_square(square + departure(dual, dual_before, weights, &self.coupled, u, |_, u| u)))
     }
 }

@@ -69,16 +69,16 @@ struct Column {
     inverse: f64, // 1 / |f|
 }
 
-/// to <- now - before, with the length of `now`.
-fn difference(to: &mut Vec<f64>, now: &[f64], before: &[f64]) {
+/// to <- now - before, with the length of `now`, and before <- now; |to|^2.
+fn difference(to: &mut Vec<f64>, before: &mut [f64], now: &[f64]) -> f64 {
     to.resize(now.len(), 0.0);
-    vector::subtract(to, now, before);
+    vector::advance(to, before, now)
 }
 
 /// to <- from
 fn keep(to: &mut Vec<f64>, from: &[f64]) {
-    to.clear();
-    to.extend_from_slice(from);
+    to.resize(from.len(), 0.0);
+    vector::copy(to, from);
 }
 
 impl Anderson {
@@ -127,26 +127,26 @@ impl Anderson {
         self.next(&Iterate { q: &[], g, sensed: &[], f }, out)
     }
 
-    /// Writes the differences to the call before into the oldest column, and its products into the small matrix.
+    /// Writes the differences to the call before into the oldest column, and its products into the small matrix; this call
+    /// is the one before from here on.
     fn push(&mut self, at: &Iterate<'_>) {
         if self.columns.len() == self.next {
             self.columns.push(Column::default());
         }
         let place = self.next;
         let Column { d, inverse } = &mut self.columns[place];
-        difference(&mut d.f, at.f, &self.before.f);
-        let length = vector::norm(&d.f);
+        let length = difference(&mut d.f, &mut self.before.f, at.f).sqrt();
         if !(length > 0.0 && length.is_finite()) {
             // Nothing was learnt from a step that changed nothing, or from one into nowhere.
             self.reset();
-            return;
+            return self.remember(at);
         }
-        difference(&mut d.g, at.g, &self.before.g);
+        difference(&mut d.g, &mut self.before.g, at.g);
         if self.mixing != 1.0 {
-            difference(&mut d.q, at.q, &self.before.q);
+            difference(&mut d.q, &mut self.before.q, at.q);
         }
         if self.kind == Kind::One {
-            difference(&mut d.sensed, at.sensed, &self.before.sensed);
+            difference(&mut d.sensed, &mut self.before.sensed, at.sensed);
         }
         *inverse = 1.0 / length;
         self.next = (place + 1) % self.window;
@@ -175,17 +175,9 @@ impl Anderson {
             }
         }
     }
-}
 
-impl Accelerator for Anderson {
-    fn next(&mut self, at: &Iterate<'_>, out: &mut [f64]) -> Proposal {
-        out.copy_from_slice(at.g);
-        if self.window == 0 {
-            return Proposal::default();
-        }
-        if self.primed {
-            self.push(at);
-        }
+    /// This call is the one before from here on.
+    fn remember(&mut self, at: &Iterate<'_>) {
         keep(&mut self.before.g, at.g);
         keep(&mut self.before.f, at.f);
         if self.mixing != 1.0 {
@@ -194,18 +186,35 @@ impl Accelerator for Anderson {
         if self.kind == Kind::One {
             keep(&mut self.before.sensed, at.sensed);
         }
+    }
+}
+
+impl Accelerator for Anderson {
+    fn next(&mut self, at: &Iterate<'_>, out: &mut [f64]) -> Proposal {
+        if self.window == 0 {
+            vector::copy(out, at.g);
+            return Proposal::default();
+        }
+        match self.primed {
+            true => self.push(at),
+            false => self.remember(at),
+        }
         self.primed = true;
         let (theta, rank) = match self.kind {
             Kind::Two => self.least_squares.solve(self.used),
             Kind::One => self.square.solve(self.used),
         };
         if self.used == 0 || !vector::is_finite(theta) {
+            vector::copy(out, at.g);
             return Proposal::default();
         }
-        subtract_combination(out, &self.columns, theta, |column| &column.d.g, 0);
+        let columns = &self.columns;
+        self.row.clear();
+        self.row.extend(theta.iter().zip(columns).map(|(theta, column)| theta * column.inverse));
+        vector::subtract_combination(out, at.g, &self.row, &|i| columns[i].d.g.as_slice());
         if self.mixing != 1.0 {
-            keep(&mut self.mixed, at.q);
-            subtract_combination(&mut self.mixed, &self.columns, theta, |column| &column.d.q, 0);
+            self.mixed.resize(at.q.len(), 0.0);
+            vector::subtract_combination(&mut self.mixed, at.q, &self.row, &|i| columns[i].d.q.as_slice());
             out.iter_mut().zip(&self.mixed).for_each(|(out, q)| *out = self.mixing * *out + (1.0 - self.mixing) * q);
         }
         Proposal { columns: self.used, rank }
@@ -215,29 +224,6 @@ impl Accelerator for Anderson {
         self.next = 0;
         self.used = 0;
         self.primed = false;
-    }
-}
-
-/// out -= sum_i theta_i v_i over the range of entries that starts at `first`, so that `out` is read and written once.
-fn subtract_combination(
-    out: &mut [f64],
-    columns: &[Column],
-    theta: &[f64],
-    of: impl Fn(&Column) -> &[f64] + Copy + Sync,
-    first: usize,
-) {
-    const LEAF: usize = 8192;
-    if out.len() > LEAF {
-        let middle = (out.len() / 2).next_multiple_of(LEAF);
-        let (low, high) = out.split_at_mut(middle);
-        rayon::join(
-            || subtract_combination(low, columns, theta, of, first),
-            || subtract_combination(high, columns, theta, of, first + middle),
-        );
-        return;
-    }
-    for (column, theta) in columns.iter().zip(theta) {
-        vector::add_scaled(out, -theta * column.inverse, &of(column)[first..first + out.len()]);
     }
 }
 

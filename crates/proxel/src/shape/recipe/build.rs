@@ -258,10 +258,10 @@ impl Builder<'_> {
             }
             Kind::EdgeLength => self.add_lengths(c, to),
             Kind::Angle => {
-                let range = AngleRange {
-                    low: c.min.unwrap_or(0.0).to_radians(),
-                    high: c.max.map_or(std::f64::consts::PI, f64::to_radians),
-                };
+                let range = AngleRange::new(
+                    c.min.unwrap_or(0.0).to_radians(),
+                    c.max.map_or(std::f64::consts::PI, f64::to_radians),
+                );
                 let mut nodes = Vec::new();
                 for f in self.faces(c, to.selector)? {
                     let face = self.frame.faces.get(f as usize);

@@ -1,0 +1,132 @@
+//! ADMM as a [`Method`].
+
+use super::Admm;
+use crate::{
+    EnergyReport, Evaluation, Method, Order, Problem, Residual, Residuals, Splitting, SquaredResiduals, StepReport,
+    SystemError, vector,
+};
+
+impl Method for Admm {
+    fn name(&self) -> &str {
+        &self.settings.name
+    }
+
+    fn step(&mut self) -> Result<StepReport, SystemError> {
+        let mut local = self.local_half(); // W(10b), W(10c)
+        let mut inner = 0;
+        for _ in 1..self.alternations {
+            inner += self.positions_step(&local)?;
+            local = self.local_half();
+        }
+        let report = self.global_half(local)?; // W(10a), W(22)-(23)
+        Ok(StepReport { inner: report.inner + inner, ..report })
+    }
+
+    fn x(&self) -> &[f64] {
+        &self.x
+    }
+
+    fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    fn energy(&mut self) -> EnergyReport {
+        *self.energy.get_or_insert_with(|| match self.f {
+            Some(f) => self.problem.energy_beside(f, &self.x),
+            None => self.problem.energy(&self.x, None),
+        })
+    }
+
+    fn evaluate(&mut self) -> Evaluation {
+        *self.evaluation.get_or_insert_with(|| {
+            let energy = self.problem.energy(&self.x, Some(&mut self.grad));
+            self.energy = Some(energy);
+            Evaluation { energy, gradient_norm: self.problem.gradient_norm(&mut self.grad) }
+        })
+    }
+
+    fn forward_residual(&mut self) -> Option<f64> {
+        let mut residual = Residual::default();
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
+            residual += term.residual(&self.x, p, u);
+        }
+        Some(residual.gap2)
+    }
+
+    fn begin(&mut self, x: &[f64], keeps_duals: bool, change: &mut dyn FnMut(&mut Problem)) -> Result<(), SystemError> {
+        if x.len() != self.x.len() {
+            let (got, want) = (x.len(), self.x.len());
+            return Err(SystemError::Stalled(format!("a start of {got} numbers for a problem of {want}")));
+        }
+        self.restart_with(x, keeps_duals, change);
+        self.iteration = 0;
+        if let Some(balance) = &mut self.balancing {
+            balance.restart();
+        }
+        self.problem.check().map_err(|e| SystemError::Factor(e.to_string()))?;
+        match self.safe {
+            Some(_) => self.take_safe_penalty(),
+            None => Ok(()),
+        }
+    }
+
+    fn refactor(&mut self) -> Result<(), SystemError> {
+        self.refactor_normal()
+    }
+
+    fn splitting(&mut self) -> Option<Splitting<'_>> {
+        Some(Splitting { problem: &mut self.problem, x: &self.x, p: &self.p, u: &self.u })
+    }
+
+    fn squared_residuals(&mut self) -> Option<SquaredResiduals> {
+        let last = self.last?;
+        if self.cycle.order == Order::Xzu {
+            return Some(SquaredResiduals { forward: self.forward_residual()?, combined: last.combined() });
+        }
+        let (mut now, mut then) = (Vec::new(), Vec::new());
+        let (mut weights, mut moved2) = (Vec::new(), 0.0);
+        for term in &mut self.problem.terms {
+            for of in [&mut now, &mut then, &mut weights] {
+                of.resize(term.local_len(), 0.0);
+            }
+            term.couple(&self.x, &mut now);
+            term.couple(&self.before, &mut then);
+            term.local_weights2(&mut weights);
+            for (w, (now, then)) in weights.iter_mut().zip(now.iter_mut().zip(&then)) {
+                *now -= then;
+                *w *= *now;
+            }
+            moved2 += vector::dot(&weights, &now);
+        }
+        Some(SquaredResiduals { forward: last.gap2, combined: self.forward_residual()? + moved2 })
+    }
+
+    fn factor_bytes(&self) -> u64 {
+        self.normal.factor_bytes()
+    }
+
+    fn into_problem(self: Box<Self>) -> Problem {
+        self.problem
+    }
+
+    fn residuals(&mut self) -> Residuals {
+        let mut residual = Residual::default();
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
+            residual += term.residual(&self.x, p, u);
+        }
+        let relative = |part2: f64| (part2 / residual.size2.max(f64::MIN_POSITIVE)).sqrt();
+        Residuals { primal: relative(residual.gap2), dual: relative(self.moved2) }
+    }
+
+    fn forces(&mut self) -> Option<Vec<f64>> {
+        let mut forces = vec![0.0; self.x.len()];
+        self.problem.penalty(&self.x, &self.p, &mut forces);
+        Some(forces)
+    }
+
+    fn forces_of_term(&mut self, term: usize) -> Option<Vec<f64>> {
+        let mut forces = vec![0.0; self.x.len()];
+        self.problem.terms.get_mut(term)?.penalty(&self.x, &self.p[term], &mut forces);
+        Some(forces)
+    }
+}
