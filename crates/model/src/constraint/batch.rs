@@ -199,15 +199,8 @@ impl<R: Reduction, S: Set> Batch<R, S> {
 
 /// The hints of the elements of each chunk; none where there are none.
 fn hints_by_chunk(hints: &mut [Hint], n: usize) -> impl IndexedParallelIterator<Item = &mut [Hint]> {
-    let chunk = if hints.is_empty() { 0 } else { CHUNK };
-    let mut left = hints;
-    let parts: Vec<&mut [Hint]> = (0..n.div_ceil(CHUNK))
-        .map(|_| {
-            let (first, others) = std::mem::take(&mut left).split_at_mut(chunk.min(left.len()));
-            left = others;
-            first
-        })
-        .collect();
+    let mut parts: Vec<&mut [Hint]> = hints.chunks_mut(CHUNK).collect();
+    parts.resize_with(n.div_ceil(CHUNK), || &mut []);
     parts.into_par_iter()
 }
 
@@ -299,21 +292,28 @@ impl<R: Reduction, S: Set> Term for Batch<R, S> {
     }
 
     fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual {
-        let mut residual = Residual::default();
         if self.is_soft() {
-            return residual;
+            return Residual::default();
         }
-        let (cells, x) = (&*self.cells, x.as_chunks::<3>().0);
-        let mut c = vec![[0.0; 3]; cells.rows];
-        let state = p.chunks_exact(3 * cells.rows).zip(u.chunks_exact(3 * cells.rows));
-        for (e, (p, u)) in state.enumerate() {
-            R::reduce(x, cells.element(e), &mut c);
-            for (c, (p, u)) in c.as_flattened().iter().zip(p.iter().zip(u)) {
-                let z = p + u;
-                residual.gap2 += self.weight2 * (c - z).powi(2);
-                residual.size2 += self.weight2 * z * z;
-            }
-        }
+        let (cells, w2, x) = (&*self.cells, self.weight2, x.as_chunks::<3>().0);
+        let len = 3 * cells.rows;
+        let state = p.par_chunks(CHUNK * len).zip(u.par_chunks(CHUNK * len)).enumerate();
+        let parts: Vec<Residual> = state
+            .map(|(chunk, (p, u))| {
+                let (mut part, mut c) = (Residual::default(), vec![[0.0; 3]; cells.rows]);
+                for (k, (p, u)) in p.chunks_exact(len).zip(u.chunks_exact(len)).enumerate() {
+                    R::reduce(x, cells.element(chunk * CHUNK + k), &mut c);
+                    for (c, (p, u)) in c.as_flattened().iter().zip(p.iter().zip(u)) {
+                        let z = p + u;
+                        part.gap2 += w2 * (c - z).powi(2);
+                        part.size2 += w2 * z * z;
+                    }
+                }
+                part
+            })
+            .collect();
+        let mut residual = Residual::default();
+        parts.into_iter().for_each(|part| residual += part);
         residual
     }
 

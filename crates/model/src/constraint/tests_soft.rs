@@ -43,6 +43,36 @@ fn a_soft_set_with_a_dual_has_the_prox_of_its_distance() {
     assert_eq!((with.value, a), (without.value, b));
 }
 
+/// A surface that counts how often it is asked with a hint of its own, and how often without.
+struct Counting([std::sync::atomic::AtomicUsize; 2]);
+
+impl Closest for Counting {
+    fn closest(&self, x: V3) -> V3 {
+        self.0[0].fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        Ball.closest(x)
+    }
+
+    fn closest_from(&self, x: V3, _: &mut Hint) -> V3 {
+        self.0[1].fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        Ball.closest(x)
+    }
+}
+
+#[test]
+fn every_nearest_point_is_sought_from_where_it_was() {
+    // More elements than one task handles.
+    let n = 700;
+    let counting = Arc::new(Counting(Default::default()));
+    let near = Cells::<Vertex, _>::new((0..n).collect(), 1, Near::Shared(counting.clone())).unwrap();
+    let mut term = Batch::new(Arc::new(near), Hold::Soft(1.0));
+    let x: Vec<f64> = (0..3 * n).map(|i| 1.0 + f64::from(i)).collect();
+    let mut grad = vec![0.0; x.len()];
+    term.energy(&x, Some(&mut grad));
+    term.energy(&x, None);
+    let asked = counting.0.each_ref().map(|n| n.load(std::sync::atomic::Ordering::Relaxed));
+    assert_eq!(asked, [0, n as usize], "once at the same x, and never without a hint");
+}
+
 /// Points that are to be on a ball, at distances of each other and near their places, nothing of it hard.
 fn soft_problem() -> Admm {
     let mut random = SplitMix::new(23);
