@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use proxel::settings::{BoundaryName, RestoreMethod, RestoreSettings, VariationName};
+use proxel::settings::{BoundaryName, DataName, RestoreMethod, RestoreSettings, VariationName};
 
 use crate::args::{RunArgs, pair};
 use crate::refusal::Refusal;
@@ -16,6 +16,7 @@ Examples:
   proxel deblur photo.png --psf kernel.png --out sharp.png
   proxel deblur scan.tif --psf gaussian:1.6 --out sharp.tif --report r.json
   proxel deblur shake.jpg --psf motion:15,30 --noise 0.01 --out still.png
+  proxel deblur small.png --psf gaussian:1 --scale 2 --out large.png
   proxel deblur f.npy --psf kernel.txt --boundary periodic --lambda 400 --truth x.png --trace t.csv --out x.npy
 
 Pixels are taken as linear: integers of n bits over 2^n - 1. Minimises lambda |K x - f|^2 + sum |grad x|. The trace has the
@@ -40,6 +41,8 @@ pub struct DeblurArgs {
 #[command(after_help = "\
 Examples:
   proxel denoise grainy.png --out smooth.png
+  proxel denoise photons.tif --data poisson --lambda 30 --out smooth.tif
+  proxel denoise specks.png --data huber --lambda 20 --out clean.png
   proxel denoise grainy.tif --noise 0.05 --variation channels --out smooth.tif
 
 Minimises lambda |x - f|^2 + sum |grad x|.")]
@@ -98,9 +101,21 @@ pub struct RestoreMethodArgs {
     /// Weight of what was seen, or auto: by an estimate of the risk.
     #[arg(long, value_name = "auto|L", default_value = "auto", allow_negative_numbers = true)]
     pub lambda: String,
-    /// What lies beyond the border; auto is unknown.
+    /// What lies beyond the border. periodic: the image again; neumann: its mirror image, for blurs that are symmetric; unknown:
+    /// nobody knows, which without a blur is neumann; auto: unknown.
     #[arg(long, value_name = "NAME", value_parser = boundaries(), default_value = BoundaryName::default().as_str())]
     pub boundary: String,
+    /// How what was seen is compared. quadratic: normal noise; poisson: counted light, with lambda = 1 / (value of one count);
+    /// huber: outliers. The latter two need --lambda.
+    #[arg(long, value_name = "NAME", value_parser = data(), default_value = DataName::default().as_str())]
+    pub data: String,
+    /// What huber takes for a small difference, or auto: 1.345 times the noise.
+    #[arg(long, value_name = "auto|D", default_value = "auto", allow_negative_numbers = true)]
+    pub threshold: String,
+    /// Find S times the rows and columns: each pixel that was seen is the mean of S x S pixels of the result. A point spread
+    /// function is in pixels of the result.
+    #[arg(long, value_name = "S", default_value_t = RestoreSettings::default().scale)]
+    pub scale: usize,
     /// vectorial: edges of all colours at one place; channels: each colour by itself; anisotropic: rows and columns by
     /// themselves.
     #[arg(long, value_name = "NAME", value_parser = variations(), default_value = VariationName::default().as_str())]
@@ -120,7 +135,8 @@ pub struct RestoreMethodArgs {
     /// Stop after so many iterations.
     #[arg(long, value_name = "N", default_value_t = RestoreSettings::default().max_iters)]
     pub max_iters: usize,
-    /// Converged when the duality gap is below T times the objective; with --range, when primal and dual residual are below T.
+    /// Converged when the duality gap is below T times the objective; with --range or --data poisson, when primal and dual
+    /// residual are below T.
     #[arg(long, value_name = "T", default_value = format!("{:e}", RestoreSettings::default().tol), allow_negative_numbers = true)]
     pub tol: f64,
 }
@@ -131,6 +147,10 @@ fn methods() -> PossibleValuesParser {
 
 fn boundaries() -> PossibleValuesParser {
     PossibleValuesParser::new(BoundaryName::ALL.map(BoundaryName::as_str))
+}
+
+fn data() -> PossibleValuesParser {
+    PossibleValuesParser::new(DataName::ALL.map(DataName::as_str))
 }
 
 fn variations() -> PossibleValuesParser {
@@ -154,6 +174,9 @@ impl RestoreArgs {
             // Clap lets no other names through.
             method: RestoreMethod::from_name(&m.method).unwrap_or_default(),
             boundary: BoundaryName::from_name(&m.boundary).unwrap_or_default(),
+            data: DataName::from_name(&m.data).unwrap_or_default(),
+            threshold: auto_or("--threshold", &m.threshold)?,
+            scale: m.scale,
             noise: auto_or("--noise", &m.noise)?,
             lambda: auto_or("--lambda", &m.lambda)?,
             variation: VariationName::from_name(&m.variation).unwrap_or_default(),

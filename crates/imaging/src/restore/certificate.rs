@@ -60,7 +60,7 @@ pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
     if field.carries {
         let (of_x, of_y) = residual.split_at_mut(n);
         let mut back = vec![0.0; n];
-        crate::convolve(field.grid, &field.fourier, &field.kernel, true, of_y, &mut back);
+        field.blur.apply(field.grid, true, of_y, &mut back);
         of_x.iter_mut().zip(&back).for_each(|(r, b)| *r += b);
     }
     let (low, high) = x[..n].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
