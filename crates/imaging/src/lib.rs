@@ -15,7 +15,7 @@ pub use grid::{Boundary, Grid};
 pub use image::{Image, ImageError};
 pub use prox::{Huber, Interval, Norm, Observed, Pointwise, Poisson, Squares, TotalVariation};
 pub use spectral::{
-    Blur, BlurredSquares, Column, Cosine, CosineSpectra, CosineStep, Fourier, FourierStep, Layout, Psf, Spectra,
-    Symbol, convolve,
+    Blur, BlurredSquares, Column, Cosine, CosineSpectra, CosineStep, Fourier, FourierStep, Layout, Psf,
+    SecondOrderStep, Spectra, Symbol, convolve,
 };
-pub use term::{GradientTerm, PixelTerm};
+pub use term::{Bends, GradientTerm, PixelTerm, Slopes, Stencil, StencilTerm};

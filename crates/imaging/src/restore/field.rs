@@ -16,8 +16,12 @@ pub struct Field {
     pub step: usize,
     /// The blur, over the field.
     pub blur: Blur,
+    /// Least and largest value of what was seen; a solution lies about there.
+    pub values: [f64; 2],
     /// Whether the blurred field stands behind x among the nodes.
     pub carries: bool,
+    /// Whether a field of slopes stands behind these: two numbers a pixel and channel.
+    pub slopes: bool,
 }
 
 /// The least n' >= n of the form 2^a 3^b 5^c, a > 0: transforms of such lengths are fast.
@@ -51,7 +55,21 @@ impl Field {
         let boundary = if edges == Edges::Neumann { Boundary::Neumann } else { Boundary::Periodic };
         let blur = Blur::new(w, h, psf, boundary)?;
         let grid = Grid { width: w, height: h, channels };
-        Ok(Field { grid, at, size: (width, height), step: 1, blur, carries: false })
+        Ok(Field {
+            grid,
+            at,
+            size: (width, height),
+            step: 1,
+            blur,
+            values: [f64::INFINITY, f64::NEG_INFINITY],
+            carries: false,
+            slopes: false,
+        })
+    }
+
+    /// The first node of the slopes, where there are some.
+    pub fn first_slope(&self) -> Option<usize> {
+        self.slopes.then(|| self.grid.len() * if self.carries { 2 } else { 1 })
     }
 
     /// The node of a pixel of the image.

@@ -20,7 +20,7 @@ pub use model::{MOST_SCALE, Model, natural_penalty};
 pub use noise::{noise_level, psnr};
 pub use risk::{Risk, RiskSettings, choose_lambda};
 
-use crate::{CosineStep, FourierStep};
+use crate::{CosineStep, FourierStep, SecondOrderStep};
 use proxel_split::{
     Acceleration, Admm, AdmmSettings, Algorithm, Cycle, Extrapolation, GlobalStep, History, Method, Problem,
     SystemError,
@@ -51,6 +51,25 @@ pub enum Data {
     Huber {
         /// What is small.
         delta: f64,
+    },
+}
+
+/// What is asked of the image itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Regulariser {
+    /// Total variation: sum |grad x|.
+    #[default]
+    Tv,
+    /// Second-order total generalised variation (Bredies, Kunisch and Pock 2010):
+    ///
+    /// ```text
+    /// min over w   sum |grad x - w| + ratio |E w|
+    /// ```
+    ///
+    /// E the symmetrised derivative: slopes cost nothing where they do not change, so that ramps are no stairs.
+    Tgv {
+        /// In pixels.
+        ratio: f64,
     },
 }
 
@@ -100,6 +119,7 @@ pub struct Restoration {
 enum Step {
     Periodic(FourierStep),
     Neumann(CosineStep),
+    SecondOrder(SecondOrderStep),
 }
 
 impl Restoration {
@@ -111,6 +131,7 @@ impl Restoration {
         let global: Box<dyn GlobalStep> = match self.step {
             Step::Periodic(step) => Box::new(step),
             Step::Neumann(step) => Box::new(step),
+            Step::SecondOrder(step) => Box::new(step),
         };
         let settings = AdmmSettings { name: name.to_string(), global, reweighting: None, renewed_at: None };
         let admm = Admm::new(self.problem, settings)?;

@@ -1,9 +1,10 @@
 //! What is known of an image, and the problem made of it.
 
-use super::{Data, Edges, Field, Form, Restoration, Step};
+use super::{Data, Edges, Field, Form, Regulariser, Restoration, Step};
 use crate::{
-    Blur, BlurredSquares, CosineStep, FourierStep, GradientTerm, Grid, Huber, Image, ImageError, Interval, Norm,
-    Observed, PixelTerm, Pointwise, Poisson, Psf, Squares, Symbol, TotalVariation,
+    Bends, Blur, BlurredSquares, CosineStep, FourierStep, GradientTerm, Grid, Huber, Image, ImageError, Interval, Norm,
+    Observed, PixelTerm, Pointwise, Poisson, Psf, SecondOrderStep, Slopes, Squares, StencilTerm, Symbol,
+    TotalVariation,
 };
 use proxel_split::{Problem, Quadratic, Term};
 use std::borrow::Cow;
@@ -30,6 +31,8 @@ pub struct Model {
     pub mask: Option<Vec<f64>>,
     /// lambda
     pub lambda: f64,
+    /// What is asked of the image itself.
+    pub regulariser: Regulariser,
     /// Which differences of a pixel count together.
     pub norm: Norm,
     /// Values that the image may have; any where there are none.
@@ -43,6 +46,9 @@ pub struct Model {
     /// That of the data term where it is split, and of the range; likewise.
     pub data_penalty: Option<f64>,
 }
+
+/// The penalty of E w over that of grad x - w.
+const BEND: f64 = 1.0;
 
 /// The largest [`Model::scale`].
 pub const MOST_SCALE: usize = 8;
@@ -60,6 +66,7 @@ impl Model {
             edges,
             mask: None,
             lambda,
+            regulariser: Regulariser::Tv,
             norm: Norm::Vectorial,
             range: None,
             form: Form::Auto,
@@ -87,6 +94,16 @@ impl Model {
             let text = "a finer image cannot be found with --boundary neumann, since means over pixels are not symmetric about one; \
                 take --boundary unknown";
             return refuse(text.to_string());
+        }
+        if let Regulariser::Tgv { ratio } = self.regulariser {
+            if !(ratio > 0.0 && ratio.is_finite()) {
+                return refuse(format!("the ratio of total generalised variation is {ratio}; it has to be positive"));
+            }
+            if self.edges == Edges::Neumann {
+                let text = "total generalised variation cannot be had with --boundary neumann, since no cosine transform makes it \
+                    diagonal; take --boundary unknown";
+                return refuse(text.to_string());
+            }
         }
         match self.data {
             Data::Huber { delta } if !(delta > 0.0 && delta.is_finite()) => {
@@ -138,6 +155,8 @@ impl Model {
         let (width, height) = (self.width * self.scale, self.height * self.scale);
         let mut field = Field::new(width, height, self.channels.len(), &psf, self.edges)?;
         field.step = self.scale;
+        let values = self.channels.iter().flatten();
+        field.values = values.fold(field.values, |[low, high], v| [low.min(*v), high.max(*v)]);
         let held = self.holds();
         if self.form == Form::Held && !held {
             let text = "the data term can be held by the global step only where it is a sum of squares over all pixels of an \
@@ -150,9 +169,19 @@ impl Model {
         let (grid, n) = (field.grid, field.grid.len());
         let (penalty, data_penalty) = self.penalties();
         let tv = TotalVariation { lambda: 1.0, norm: self.norm };
-        let gradient = GradientTerm::new(grid, field.blur.boundary(), 0, tv, penalty);
-        let mut terms: Vec<Box<dyn Term>> = vec![Box::new(gradient)];
-        let mut symbols = vec![Symbol::Laplacian];
+        let mut terms: Vec<Box<dyn Term>> = Vec::new();
+        let mut symbols = Vec::new();
+        if let Regulariser::Tgv { ratio } = self.regulariser {
+            let slopes = n * if field.carries { 2 } else { 1 };
+            let norm = if self.norm == Norm::Channels { Norm::Triples } else { self.norm };
+            let bent = TotalVariation { lambda: ratio, norm };
+            terms.push(Box::new(StencilTerm::new(grid, Slopes { slopes }, tv, penalty)));
+            terms.push(Box::new(StencilTerm::new(grid, Bends { slopes }, bent, BEND * penalty)));
+            field.slopes = true;
+        } else {
+            terms.push(Box::new(GradientTerm::new(grid, field.blur.boundary(), 0, tv, penalty)));
+            symbols.push(Symbol::Laplacian);
+        }
         let mut quadratic = Quadratic::default();
         let mut data = None;
         if held {
@@ -181,6 +210,9 @@ impl Model {
             let mut y = vec![0.0; n];
             field.blur.apply(grid, false, &x0, &mut y);
             x0.extend(y);
+        }
+        if field.slopes {
+            x0.resize(x0.len() + 2 * n, 0.0);
         }
         let problem = Problem { dim: 1, n_free: x0.len(), x0, terms, quadratic, barrier: false };
         Ok(Restoration { problem, step, field })
@@ -223,8 +255,8 @@ impl Model {
         };
         // That of squares as steep: Poisson's second derivative at the data is lambda / f.
         let lambda = match self.data {
-            Data::Poisson => self.lambda / (2.0 * mean()).max(f64::MIN_POSITIVE),
-            Data::Squares | Data::Huber { .. } => self.lambda,
+            Data::Poisson if mean() > 0.0 => self.lambda / (2.0 * mean()),
+            _ => self.lambda,
         };
         let data = 0.1 * (natural * lambda).sqrt();
         let blurs = self.psf.weights.len() > 1 || self.scale > 1;
@@ -255,13 +287,24 @@ pub fn natural_penalty(channels: &[Vec<f64>]) -> f64 {
     };
     let deviation = (channels.iter().map(square).sum::<f64>() / n.max(1) as f64).sqrt();
     // An image of one colour is its own solution under any penalty.
-    if deviation > 0.0 { STEPS / deviation } else { 1.0 }
+    let size = channels.iter().flatten().fold(0.0f64, |size, v| size.max(v.abs()));
+    let typical = if deviation > 0.0 { deviation } else { size };
+    if typical > 0.0 { STEPS / typical } else { 1.0 }
 }
 
 /// The global step of a field, with a data term that it holds or none.
 fn step(field: &Field, data: Option<&BlurredSquares>, symbols: Vec<Symbol>) -> Step {
     let grid = field.grid;
     match &field.blur {
+        Blur::Periodic { fourier, kernel } if field.slopes => {
+            let held = data.and_then(|data| SecondOrderStep::with_data(data, symbols.clone()));
+            let (fourier, kernel) = (fourier.clone(), kernel.clone());
+            Step::SecondOrder(match held {
+                Some(held) => held,
+                None if field.carries => SecondOrderStep::with_blurred(grid, fourier, kernel, symbols),
+                None => SecondOrderStep::of_terms(grid, fourier, symbols),
+            })
+        }
         Blur::Periodic { fourier, kernel } => {
             let held = data.and_then(|data| FourierStep::with_data(data.clone(), symbols.clone()));
             Step::Periodic(match held {

@@ -124,7 +124,7 @@ impl GlobalStep for CosineStep {
 
     fn weigh(&mut self, problem: &Problem) -> Result<(), SystemError> {
         let fields = if self.carries { 2 } else { 1 };
-        self.weights = weights(problem, self.grid, fields, &self.symbols)?;
+        self.weights = weights(problem, self.grid, fields, self.symbols.len())?;
         self.inverse.clear();
         for k in 0..self.grid.n_pixels() {
             let h2 = self.kernel.get(k).map_or(1.0, |h| h * h);

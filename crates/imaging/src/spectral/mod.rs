@@ -7,6 +7,7 @@ mod cosine;
 mod cosine_step;
 mod fourier;
 mod kernel;
+mod second_order_step;
 mod step;
 
 pub use blur::{Blur, convolve};
@@ -15,6 +16,7 @@ pub use cosine::{Cosine, CosineSpectra};
 pub use cosine_step::CosineStep;
 pub use fourier::{Column, Fourier, Layout, Spectra};
 pub use kernel::{BlurredSquares, Psf};
+pub use second_order_step::SecondOrderStep;
 pub use step::{FourierStep, Symbol};
 
 /// Where the rows of a channel are, in a grid that begins at a node.

@@ -112,20 +112,14 @@ pub(super) fn of_terms(symbols: &[Symbol], weights: &[f64], s: f64, gain: f64) -
     symbols.iter().zip(weights).map(|(symbol, w2)| w2 * of(symbol)).sum()
 }
 
-/// w^2 of each term, of a problem on so many fields without fixed nodes.
-pub(super) fn weights(
-    problem: &Problem,
-    grid: Grid,
-    fields: usize,
-    symbols: &[Symbol],
-) -> Result<Vec<f64>, SystemError> {
+/// w^2 of each term, of a problem on so many fields and terms, without fixed nodes.
+pub(super) fn weights(problem: &Problem, grid: Grid, fields: usize, terms: usize) -> Result<Vec<f64>, SystemError> {
     if problem.n() != fields * grid.len() || problem.n_free != problem.n() || problem.dim != 1 {
         let (n, len) = (problem.n(), grid.len());
         return Err(SystemError::Factor(format!("{n} nodes for {fields} fields of {len}, none of them fixed")));
     }
-    if problem.terms.len() != symbols.len() {
-        let (terms, symbols) = (problem.terms.len(), symbols.len());
-        return Err(SystemError::Factor(format!("{symbols} symbols for {terms} terms")));
+    if problem.terms.len() != terms {
+        return Err(SystemError::Factor(format!("{terms} symbols for {} terms", problem.terms.len())));
     }
     let pixels = grid.n_pixels() as f64;
     Ok(problem.terms.iter().map(|term| term.scale().weight2 / pixels).collect())
@@ -205,7 +199,7 @@ impl GlobalStep for FourierStep {
 
     fn weigh(&mut self, problem: &Problem) -> Result<(), SystemError> {
         let fields = if self.carries { 2 } else { 1 };
-        self.weights = weights(problem, self.grid, fields, &self.symbols)?;
+        self.weights = weights(problem, self.grid, fields, self.symbols.len())?;
         let (h, w) = (self.fourier.height(), self.fourier.width());
         // 2 - 2 cos t = 4 sin^2(t/2), which does not cancel.
         let part = |k: usize, n: usize| 4.0 * (0.5 * TAU * k as f64 / n as f64).sin().powi(2);
