@@ -163,6 +163,8 @@ fn what_cannot_be_is_refused_by_name() {
         ("denoise seen.png --data huber --threshold -1 --lambda 9 --out x.png", "--threshold"),
         ("denoise black.png --data huber --lambda 9 --out x.png", "--threshold"),
         ("denoise below.npy --data poisson --lambda 9 --out x.png", "row 0, column 2"),
+        ("denoise seen.png --regulariser tgv --boundary neumann --lambda 9 --out x.png", "--boundary unknown"),
+        ("denoise seen.png --regulariser tgv --tgv-ratio 0 --out x.png", "--tgv-ratio"),
         ("denoise seen.png --scale 0 --out x.png", "--scale"),
         ("denoise seen.png --scale 2 --boundary neumann --lambda 9 --out x.png", "--boundary unknown"),
         ("denoise seen.png --scale 9 --out x.png", "--scale"),
@@ -249,4 +251,24 @@ fn a_larger_image_with_its_alpha() {
     assert!((0..4 * SIDE * SIDE).all(|k| alpha[k] == f64::from(u8::from(k / (2 * SIDE) / 2 > k % (2 * SIDE) / 2))));
     assert_eq!(report(&folder)["scale"], 2);
     assert!(folder.has("p.png"));
+}
+
+#[test]
+fn ramps_by_generalised_variation() {
+    let folder = Folder::new("deblur-tgv");
+    let ramp = |i: usize, j: usize| 0.008 * j as f64 + if i > 20 && i < 40 { 0.3 } else { 0.1 };
+    put(&folder, "truth.npy", Depth::F64, 1, |_, i, j| ramp(i, j));
+    put(&folder, "seen.npy", Depth::F64, 1, |_, i, j| ramp(i, j) + 0.05 * noise(i * SIDE + j));
+    let psnr = |name: &str| {
+        let text = format!(
+            "denoise seen.npy --regulariser {name} --lambda 12 --tol 1e-3 --truth truth.npy --out x.npy --report r.json --quiet"
+        );
+        folder.run(&text).is(0);
+        let r = report(&folder);
+        assert_eq!(r["regulariser"], name);
+        assert!(r["relative_gap"].as_f64().unwrap() <= 1e-3);
+        r["psnr"].as_f64().unwrap()
+    };
+    let (tv, tgv) = (psnr("tv"), psnr("tgv"));
+    assert!(tgv > tv + 1.0, "{tgv} and {tv}");
 }

@@ -106,6 +106,8 @@ pub struct RestoreReport {
     pub threshold: Option<f64>,
     /// The result has so many times the rows and columns of what was seen.
     pub scale: usize,
+    /// What was asked of the image: tv or tgv.
+    pub regulariser: String,
     /// lambda_1 of A(31), as given or chosen.
     pub lambda: f64,
     /// How many were compared by their estimated risk; 0 where it was given.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use proxel::settings::{BoundaryName, DataName, RestoreMethod, RestoreSettings, VariationName};
+use proxel::settings::{BoundaryName, DataName, RegulariserName, RestoreMethod, RestoreSettings, VariationName};
 
 use crate::args::{RunArgs, pair};
 use crate::refusal::Refusal;
@@ -116,6 +116,13 @@ pub struct RestoreMethodArgs {
     /// function is in pixels of the result.
     #[arg(long, value_name = "S", default_value_t = RestoreSettings::default().scale)]
     pub scale: usize,
+    /// What is asked of the image. tv: total variation, flat pieces; tgv: second-order total generalised variation, pieces whose
+    /// slope is constant, which has no --boundary neumann.
+    #[arg(long, value_name = "NAME", value_parser = regularisers(), default_value = RegulariserName::default().as_str())]
+    pub regulariser: String,
+    /// What a change of slope costs in tgv, over a step: in pixels.
+    #[arg(long, value_name = "R", default_value_t = RestoreSettings::default().tgv_ratio, allow_negative_numbers = true)]
+    pub tgv_ratio: f64,
     /// vectorial: edges of all colours at one place; channels: each colour by itself; anisotropic: rows and columns by
     /// themselves.
     #[arg(long, value_name = "NAME", value_parser = variations(), default_value = VariationName::default().as_str())]
@@ -153,6 +160,10 @@ fn data() -> PossibleValuesParser {
     PossibleValuesParser::new(DataName::ALL.map(DataName::as_str))
 }
 
+fn regularisers() -> PossibleValuesParser {
+    PossibleValuesParser::new(RegulariserName::ALL.map(RegulariserName::as_str))
+}
+
 fn variations() -> PossibleValuesParser {
     PossibleValuesParser::new(VariationName::ALL.map(VariationName::as_str))
 }
@@ -177,6 +188,8 @@ impl RestoreArgs {
             data: DataName::from_name(&m.data).unwrap_or_default(),
             threshold: auto_or("--threshold", &m.threshold)?,
             scale: m.scale,
+            regulariser: RegulariserName::from_name(&m.regulariser).unwrap_or_default(),
+            tgv_ratio: m.tgv_ratio,
             noise: auto_or("--noise", &m.noise)?,
             lambda: auto_or("--lambda", &m.lambda)?,
             variation: VariationName::from_name(&m.variation).unwrap_or_default(),

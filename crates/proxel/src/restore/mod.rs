@@ -19,9 +19,9 @@ mod watch;
 
 use crate::deform::TimeLimit;
 use crate::report::{Report, RestoreReport, Seconds};
-use crate::settings::{BoundaryName, DataName, RestoreMethod, RestoreSettings, VariationName};
+use crate::settings::{BoundaryName, DataName, RegulariserName, RestoreMethod, RestoreSettings, VariationName};
 use proxel_imaging::restore::{
-    Data, Edges, Iteration, Model, RiskSettings, choose_lambda, duality_gap, noise_level, psnr,
+    Data, Edges, Iteration, Model, Regulariser, RiskSettings, choose_lambda, duality_gap, noise_level, psnr,
 };
 use proxel_imaging::{Image, ImageError, Norm, Psf};
 use proxel_split::{Cancel, IterationLimit, ResidualTolerance, Status, Stop, SystemError, run};
@@ -133,15 +133,19 @@ fn known(
     began: Instant,
 ) -> Result<Known, RestoreError> {
     let blurs = input.psf.weights.len() > 1 || settings.scale > 1;
+    let bends = settings.regulariser == RegulariserName::Tgv;
     let edges = match settings.boundary {
         BoundaryName::Periodic => Edges::Periodic,
         BoundaryName::Neumann => Edges::Neumann,
-        BoundaryName::Auto | BoundaryName::Unknown if blurs => Edges::Unknown,
+        BoundaryName::Auto | BoundaryName::Unknown if blurs || bends => Edges::Unknown,
         // Nothing beyond the border counts, and a mirroring one says so without a larger field.
         BoundaryName::Auto | BoundaryName::Unknown => Edges::Neumann,
     };
     let mut model = Model::new(input.image, input.psf.clone(), edges, settings.lambda.unwrap_or(1.0));
     model.scale = settings.scale;
+    if bends {
+        model.regulariser = Regulariser::Tgv { ratio: settings.tgv_ratio };
+    }
     model.norm = match settings.variation {
         VariationName::Vectorial => Norm::Vectorial,
         VariationName::Channels => Norm::Channels,
@@ -231,7 +235,7 @@ fn solve(
     let mut stops: Vec<&mut dyn Stop> = vec![converged, &mut cancel, &mut time, &mut limit];
     let mut watcher = Watcher::new(hooks, began, &field, input.truth);
     let outcome = run(iterated.as_mut(), &mut stops, &mut watcher);
-    let end = duality_gap(iterated.as_mut(), &field).filter(|_| outcome.is_last);
+    let end = duality_gap(iterated.as_mut(), &field).filter(|_| outcome.is_last && outcome.iterations > 0);
     let measured = iterated.residuals();
     let channels = field.image(&outcome.x);
     let image = Image::new(field.size.0, field.size.1, channels)?;
@@ -247,6 +251,7 @@ fn solve(
         data: settings.data.as_str().to_string(),
         threshold: if let Data::Huber { delta } = model.data { Some(delta) } else { None },
         scale: model.scale,
+        regulariser: settings.regulariser.as_str().to_string(),
         lambda: model.lambda,
         lambdas_tried: tried,
         noise,

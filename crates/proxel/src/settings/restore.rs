@@ -120,6 +120,35 @@ impl DataName {
     }
 }
 
+/// What is asked of the image itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RegulariserName {
+    /// Total variation: flat pieces.
+    #[default]
+    Tv,
+    /// Second-order total generalised variation: pieces whose slope is constant.
+    Tgv,
+}
+
+impl RegulariserName {
+    /// All of them.
+    pub const ALL: [RegulariserName; 2] = [RegulariserName::Tv, RegulariserName::Tgv];
+
+    /// As on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            RegulariserName::Tv => "tv",
+            RegulariserName::Tgv => "tgv",
+        }
+    }
+
+    /// By that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.as_str() == name)
+    }
+}
+
 /// Which differences of a pixel count together in the total variation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -170,6 +199,10 @@ pub struct RestoreSettings {
     pub noise: Option<f64>,
     /// lambda_1 of A(31), lambda_2 being 1; by an estimate of the risk if none.
     pub lambda: Option<f64>,
+    /// What is asked of the image.
+    pub regulariser: RegulariserName,
+    /// What a change of slope costs in `tgv`, over a step: in pixels.
+    pub tgv_ratio: f64,
     /// Which differences count together.
     pub variation: VariationName,
     /// Values that the image may have; any if none.
@@ -201,6 +234,8 @@ impl Default for RestoreSettings {
             scale: 1,
             noise: None,
             lambda: None,
+            regulariser: RegulariserName::default(),
+            tgv_ratio: 2.0,
             variation: VariationName::default(),
             range: None,
             penalty: None,
@@ -234,6 +269,9 @@ impl RestoreSettings {
         }
         if !(self.tol > 0.0 && self.tol < 1.0) {
             return Err(format!("--tol is {}; it must be between 0 and 1", self.tol));
+        }
+        if !(self.tgv_ratio > 0.0 && self.tgv_ratio.is_finite()) {
+            return Err(format!("--tgv-ratio is {}; give a positive number", self.tgv_ratio));
         }
         if !(1..=MOST_SCALE).contains(&self.scale) {
             return Err(format!("--scale is {}; give 1 to {MOST_SCALE}", self.scale));
