@@ -18,4 +18,4 @@ pub use spectral::{
     Blur, BlurredSquares, Column, Cosine, CosineSpectra, CosineStep, Fourier, FourierStep, Layout, Psf,
     SecondOrderStep, Spectra, Symbol, convolve,
 };
-pub use term::{Bends, GradientTerm, PixelTerm, Slopes, Stencil, StencilTerm};
+pub use term::{Bends, GradientTerm, PixelTerm, Slopes, Stencil, StencilTerm, Visit};

@@ -56,8 +56,8 @@ fn solutions_are_least_among_their_neighbours() {
         let r = (z - f).abs();
         if r <= 0.05 { r * r } else { 0.1 * r - 0.0025 }
     };
-    let cases: [(Data, f64, &dyn Fn(f64, f64) -> f64); 2] =
-        [(Data::Poisson, 8.0, &poisson), (Data::Huber { delta: 0.05 }, 40.0, &huber)];
+    type Case<'a> = (Data, f64, &'a dyn Fn(f64, f64) -> f64);
+    let cases: [Case<'_>; 2] = [(Data::Poisson, 8.0, &poisson), (Data::Huber { delta: 0.05 }, 40.0, &huber)];
     for (data, lambda, of) in cases {
         let model = Model { data, ..Model::new(&image, kernel(), Edges::Periodic, lambda) };
         let (mut method, field) = run(&model, 6000);

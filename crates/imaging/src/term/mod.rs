@@ -9,4 +9,4 @@ mod stencil;
 pub use gradient::GradientTerm;
 pub use pixel::PixelTerm;
 pub use second_order::{Bends, Slopes};
-pub use stencil::{Stencil, StencilTerm};
+pub use stencil::{Stencil, StencilTerm, Visit};

@@ -1,6 +1,6 @@
 //! The two maps of second-order total generalised variation, over fields that wrap around.
 
-use super::stencil::Stencil;
+use super::stencil::{Stencil, Visit};
 use crate::Grid;
 use rayon::prelude::*;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -79,7 +79,7 @@ impl Stencil for Slopes {
         slopes.par_iter_mut().zip(p).with_min_len(grid.row_len()).for_each(|(s, p)| *s -= scale * p);
     }
 
-    fn for_each(&self, grid: Grid, visit: &mut dyn FnMut(&[(u32, f64)])) {
+    fn for_each(&self, grid: Grid, visit: &mut Visit<'_>) {
         let (w, h, channels) = (grid.width, grid.height, grid.channels);
         for i in 0..h {
             for k in 0..2 * channels {
@@ -135,7 +135,7 @@ impl Stencil for Bends {
         });
     }
 
-    fn for_each(&self, grid: Grid, visit: &mut dyn FnMut(&[(u32, f64)])) {
+    fn for_each(&self, grid: Grid, visit: &mut Visit<'_>) {
         let (w, h, channels) = (grid.width, grid.height, grid.channels);
         let r = FRAC_1_SQRT_2;
         for i in 0..h {

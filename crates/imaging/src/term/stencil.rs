@@ -8,6 +8,9 @@ use proxel_split::{
 };
 use rayon::prelude::*;
 
+/// What is told of a local number: its nodes and their factors.
+pub type Visit<'a> = dyn FnMut(&[(u32, f64)]) + 'a;
+
 /// A linear map D from nodes to rows of local numbers.
 pub trait Stencil: Send + Sync {
     /// Local numbers of a row of pixels: so many planes of its width.
@@ -20,7 +23,7 @@ pub trait Stencil: Send + Sync {
     fn add_adjoint(&self, grid: Grid, scale: f64, p: &[f64], out: &mut [f64]);
 
     /// Visits each local number: its nodes and their factors.
-    fn for_each(&self, grid: Grid, visit: &mut dyn FnMut(&[(u32, f64)]));
+    fn for_each(&self, grid: Grid, visit: &mut Visit<'_>);
 }
 
 /// g(D x) for a [`Stencil`] D. One weight w^2 for all numbers. Local vectors are laid out row by row, in each row plane by plane,
