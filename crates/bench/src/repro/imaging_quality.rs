@@ -10,6 +10,7 @@ use proxel::imaging::{Fourier, Grid, Image, Psf, convolve};
 use proxel::restore::{Hooks, Input, Restored, restore};
 use proxel::settings::RestoreSettings;
 use proxel_testkit::SplitMix;
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -47,8 +48,8 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         "{source}\n\n## What is compared\n\nImages are blurred, noise of standard deviation {NOISE} is added, and what lies within \
          the reach of the blur from the border is cut off, so that nothing is known beyond it. *auto*: `proxel deblur` with noise, \
          lambda and boundary automatic; *best lambda*: the best PSNR of {} values around that, by factors of 2; *Wiener*: \
-         conj(H) F / (|H|^2 + c) with the best constant c, of the image before the border was cut off, which wraps around as it \
-         assumes. All in dB on the same pixels, by the truth; at most {most} iterations a run, tolerance 1e-4.\n",
+         the better of conj(H) F / (|H|^2 + c) and conj(H) F / (|H|^2 + c L^2), L the Laplacian, with the best constant c, of the \
+         image before the border was cut off, which wraps around as it assumes. All in dB on the same pixels, by the truth; at most {most} iterations a run, tolerance 1e-4.\n",
         2 * steps + 1
     );
     let columns = [
@@ -179,15 +180,21 @@ fn cut(image: &Image, psf: &Psf) -> Result<Image, BenchError> {
     Image::new(w, h, image.channels.iter().map(rows).collect()).map_err(BenchError::from_display)
 }
 
-/// The PSNR of the best constant Wiener filter, on the pixels that are not cut off: constants by factors of 2^(1/2).
+/// The PSNR of the best Wiener filter with a constant c, on the pixels that are not cut off: of |H|^2 + c and |H|^2 + c L^2, L
+/// the symbol of the Laplacian; constants by factors of 2^(1/2).
 fn wiener(scene: &Scene) -> f64 {
     let (w, h) = (scene.whole.width, scene.whole.height);
     let fourier = Fourier::new(w, h);
     let spectrum = scene.psf.spectrum(&fourier);
+    let part = |k: usize, n: usize| 2.0 - 2.0 * (TAU * k as f64 / n as f64).cos();
+    let laplacian = |k: usize| (part(k % h, h) + part(k / h, w)).powi(2);
     let mut best = f64::NEG_INFINITY;
-    for k in 0..=32 {
-        let constant = 1e-5 * 2f64.powf(0.5 * f64::from(k));
-        let filter: Vec<_> = spectrum.iter().map(|gain| gain.conj() / (gain.norm_sqr() + constant)).collect();
+    for k in 0..=68 {
+        let constant = 1e-6 * 2f64.powf(0.5 * f64::from(k / 2));
+        let weight = |frequency: usize| if k % 2 == 0 { 1.0 } else { laplacian(frequency) };
+        let filter: Vec<_> = (spectrum.iter().enumerate())
+            .map(|(at, gain)| gain.conj() / (gain.norm_sqr() + constant * weight(at)))
+            .collect();
         let mut channels = Vec::new();
         for plane in &scene.whole.channels {
             let mut out = vec![0.0; w * h];
