@@ -283,3 +283,17 @@ fn a_deconvolution_in_every_variable() {
     assert!(4 * relaxed < 3 * plain && relaxed < both, "{relaxed} of {plain}, {both}");
     assert!(read(&out, "aa-figure10.md").contains("| (z, u), aa m=6 |"));
 }
+
+#[test]
+fn automatic_deconvolution_beside_the_best() {
+    let out = folder("imaging-quality");
+    let options = Options { out: out.clone(), quick: true, ..Options::default() };
+    run("imaging-quality", &options, &mut |_| ()).expect("a comparison");
+    let csv = read(&out, "imaging-quality.csv");
+    let row = csv.lines().find(|l| l.starts_with("chart,")).expect("a row");
+    let numbers: Vec<f64> = row.split(',').filter_map(|v| v.parse().ok()).collect();
+    let [noise, _, seen, auto, best, _, wiener] = numbers[numbers.len() - 7..] else { panic!("{row}") };
+    assert!((noise - 0.01).abs() < 0.004, "{row}");
+    assert!(auto > seen + 3.0 && auto > best - 1.0 && best >= auto && wiener > seen, "{row}");
+    assert!(read(&out, "imaging-quality.md").contains("| chart "));
+}

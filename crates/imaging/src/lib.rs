@@ -13,6 +13,9 @@ pub mod wavefront;
 
 pub use grid::{Boundary, Grid};
 pub use image::{Image, ImageError};
-pub use prox::{Interval, Norm, Observed, Pointwise, Squares, TotalVariation};
-pub use spectral::{BlurredSquares, Column, Fourier, FourierStep, Layout, Psf, Spectra, Symbol, convolve};
-pub use term::{GradientTerm, PixelTerm};
+pub use prox::{Huber, Interval, Norm, Observed, Pointwise, Poisson, Squares, TotalVariation};
+pub use spectral::{
+    Blur, BlurredSquares, Column, Cosine, CosineSpectra, CosineStep, Fourier, FourierStep, Layout, Psf,
+    SecondOrderStep, Spectra, Symbol, convolve,
+};
+pub use term::{Bends, GradientTerm, PixelTerm, Slopes, Stencil, StencilTerm, Visit};

@@ -1,8 +1,8 @@
 //! Transforms, convolutions and the step in Fourier space, against sums written out.
 
 use proxel_imaging::{
-    BlurredSquares, Boundary, Fourier, FourierStep, GradientTerm, Grid, Observed, PixelTerm, Psf, Squares, Symbol,
-    TotalVariation, convolve,
+    Blur, BlurredSquares, Boundary, Fourier, FourierStep, GradientTerm, Grid, Observed, PixelTerm, Psf, Squares,
+    Symbol, TotalVariation, convolve,
 };
 use proxel_split::{Acceleration, Admm, AdmmSettings, Algorithm, Cycle, Method, Potential, Problem, Quadratic, Term};
 use proxel_testkit::SplitMix;
@@ -59,7 +59,7 @@ fn the_gradient_of_the_data_term_is_that_of_finite_differences() {
     let grid = Grid { width: 7, height: 6, channels: 2 };
     let fourier = Fourier::new(7, 6);
     let spectrum = Arc::new(kernel().spectrum(&fourier));
-    let data = BlurredSquares::new(grid, fourier, spectrum, numbers(grid.len(), 3), 1.7);
+    let data = BlurredSquares::new(grid, Blur::Periodic { fourier, kernel: spectrum }, numbers(grid.len(), 3), 1.7);
     let (x, mut grad) = (numbers(grid.len(), 4), vec![0.0; grid.len()]);
     data.value_and_gradient(&x, Some(&mut grad));
     for node in 0..grid.len() {
@@ -92,9 +92,9 @@ fn deconvolution(grid: Grid, carried: bool) -> Admm {
         terms.push(Box::new(PixelTerm::new(grid, n, squares, 30.0)));
         (FourierStep::with_blurred(grid, fourier, spectrum, vec![Symbol::Laplacian, Symbol::Blurred]), 2 * n)
     } else {
-        let data = BlurredSquares::new(grid, fourier, spectrum, observed, LAMBDA);
+        let data = BlurredSquares::new(grid, Blur::Periodic { fourier, kernel: spectrum }, observed, LAMBDA);
         quadratic.potentials.push(Arc::new(data.clone()));
-        (FourierStep::with_data(data, vec![Symbol::Laplacian]), n)
+        (FourierStep::with_data(data, vec![Symbol::Laplacian]).expect("periodic"), n)
     };
     let problem = Problem { dim: 1, n_free: n, x0: vec![0.0; n], terms, quadratic, barrier: false };
     let global = Box::new(global);

@@ -2,8 +2,8 @@
 
 use proxel_imaging::io::read_image;
 use proxel_imaging::{
-    BlurredSquares, Boundary, Fourier, FourierStep, GradientTerm, Grid, Observed, PixelTerm, Psf, Squares, Symbol,
-    TotalVariation,
+    Blur, BlurredSquares, Boundary, Fourier, FourierStep, GradientTerm, Grid, Observed, PixelTerm, Psf, Squares,
+    Symbol, TotalVariation,
 };
 use proxel_split::{
     Acceleration, Admm, AdmmSettings, Algorithm, Cycle, Extrapolation, History, Method, Problem, Quadratic, Term,
@@ -51,9 +51,14 @@ impl Given {
             (FourierStep::with_blurred(self.grid, self.fourier.clone(), self.spectrum.clone(), symbols), 2 * n)
         } else {
             let (fourier, spectrum) = (self.fourier.clone(), self.spectrum.clone());
-            let data = BlurredSquares::new(self.grid, fourier, spectrum, self.observed.clone(), LAMBDA);
+            let data = BlurredSquares::new(
+                self.grid,
+                Blur::Periodic { fourier, kernel: spectrum },
+                self.observed.clone(),
+                LAMBDA,
+            );
             quadratic.potentials.push(Arc::new(data.clone()));
-            (FourierStep::with_data(data, vec![Symbol::Laplacian]), n)
+            (FourierStep::with_data(data, vec![Symbol::Laplacian]).expect("periodic"), n)
         };
         let problem = Problem { dim: 1, n_free: n, x0: vec![0.0; n], terms, quadratic, barrier: false };
         let global = Box::new(global);

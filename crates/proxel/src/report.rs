@@ -98,8 +98,16 @@ pub struct Report {
 /// What `deblur`, `denoise` and `inpaint` add to a report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RestoreReport {
-    /// What was taken to lie beyond the border: periodic or unknown.
+    /// What was taken to lie beyond the border: periodic, neumann or unknown.
     pub boundary: String,
+    /// How what was seen was compared: quadratic, poisson or huber.
+    pub data: String,
+    /// What huber took for a small difference; null for others.
+    pub threshold: Option<f64>,
+    /// The result has so many times the rows and columns of what was seen.
+    pub scale: usize,
+    /// What was asked of the image: tv or tgv.
+    pub regulariser: String,
     /// lambda_1 of A(31), as given or chosen.
     pub lambda: f64,
     /// How many were compared by their estimated risk; 0 where it was given.

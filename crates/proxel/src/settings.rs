@@ -13,7 +13,7 @@ pub use geodesic::{GeodesicMethod, GeodesicSettings, GradientForm};
 pub use method::MethodName;
 pub use newton::{NewtonSettings, ProjectionName};
 pub use penalty::PenaltyName;
-pub use restore::{BoundaryName, RestoreMethod, RestoreSettings, VariationName};
+pub use restore::{BoundaryName, DataName, RegulariserName, RestoreMethod, RestoreSettings, VariationName};
 pub use rivals::{AndersonWindows, QuasiNewton};
 pub use unwrap::{MapSplitting, UnwrapMethod, UnwrapSettings};
 pub use wavefront::{WavefrontMethod, WavefrontSettings};

@@ -11,6 +11,7 @@ mod figure4;
 mod figure8;
 mod growth;
 pub mod hopeless;
+mod imaging_quality;
 mod live;
 mod maps;
 mod race;
@@ -63,7 +64,7 @@ pub enum Kind {
 const SMALL: &[&str] = &["shear", "homer", "dancer", "untwist", "stretch"];
 
 /// All reproductions.
-pub const ALL: [Reproduction; 34] = [
+pub const ALL: [Reproduction; 35] = [
     Reproduction {
         name: "wrapd-table1",
         about: "iterations and seconds of all methods on all models, beside Table 1; convergence as in Figures 1, 6, 7",
@@ -294,6 +295,13 @@ pub const ALL: [Reproduction; 34] = [
         models: &[],
         kind: Kind::Standalone,
         run: aa::sweep::run,
+    },
+    Reproduction {
+        name: "imaging-quality",
+        about: "deconvolution with everything automatic against the best lambda and the best constant Wiener filter: PSNR",
+        models: &[],
+        kind: Kind::Moving,
+        run: imaging_quality::run,
     },
     Reproduction {
         name: "unwrap-robustness",

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use proxel::settings::{BoundaryName, RestoreMethod, RestoreSettings, VariationName};
+use proxel::settings::{BoundaryName, DataName, RegulariserName, RestoreMethod, RestoreSettings, VariationName};
 
 use crate::args::{RunArgs, pair};
 use crate::refusal::Refusal;
@@ -13,9 +13,10 @@ use crate::refusal::Refusal;
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  proxel deblur photo.png --psf kernel.png --out sharp.png
+  proxel deblur photo.png --psf kernel.png --tol 1e-4 --out sharp.png
   proxel deblur scan.tif --psf gaussian:1.6 --out sharp.tif --report r.json
   proxel deblur shake.jpg --psf motion:15,30 --noise 0.01 --out still.png
+  proxel deblur small.png --psf gaussian:1 --scale 2 --out large.png
   proxel deblur f.npy --psf kernel.txt --boundary periodic --lambda 400 --truth x.png --trace t.csv --out x.npy
 
 Pixels are taken as linear: integers of n bits over 2^n - 1. Minimises lambda |K x - f|^2 + sum |grad x|. The trace has the
@@ -39,7 +40,9 @@ pub struct DeblurArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  proxel denoise grainy.png --out smooth.png
+  proxel denoise grainy.png --tol 1e-4 --out smooth.png
+  proxel denoise photons.tif --data poisson --lambda 30 --out smooth.tif
+  proxel denoise specks.png --data huber --lambda 20 --out clean.png
   proxel denoise grainy.tif --noise 0.05 --variation channels --out smooth.tif
 
 Minimises lambda |x - f|^2 + sum |grad x|.")]
@@ -55,7 +58,7 @@ pub struct DenoiseArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  proxel inpaint scratched.png --mask good.png --lambda 1000 --out whole.png
+  proxel inpaint scratched.png --mask good.png --lambda 1000 --tol 1e-4 --out whole.png
 
 Minimises lambda |M (x - f)|^2 + sum |grad x|.")]
 pub struct InpaintArgs {
@@ -98,9 +101,28 @@ pub struct RestoreMethodArgs {
     /// Weight of what was seen, or auto: by an estimate of the risk.
     #[arg(long, value_name = "auto|L", default_value = "auto", allow_negative_numbers = true)]
     pub lambda: String,
-    /// What lies beyond the border; auto is unknown.
+    /// What lies beyond the border. periodic: the image again; neumann: its mirror image, for blurs that are symmetric; unknown:
+    /// nobody knows, which without a blur is neumann; auto: unknown.
     #[arg(long, value_name = "NAME", value_parser = boundaries(), default_value = BoundaryName::default().as_str())]
     pub boundary: String,
+    /// How what was seen is compared. quadratic: normal noise; poisson: counted light, with lambda = 1 / (value of one count);
+    /// huber: outliers. The latter two need --lambda.
+    #[arg(long, value_name = "NAME", value_parser = data(), default_value = DataName::default().as_str())]
+    pub data: String,
+    /// What huber takes for a small difference, or auto: 1.345 times the noise.
+    #[arg(long, value_name = "auto|D", default_value = "auto", allow_negative_numbers = true)]
+    pub threshold: String,
+    /// Find S times the rows and columns: each pixel that was seen is the mean of S x S pixels of the result. A point spread
+    /// function is in pixels of the result.
+    #[arg(long, value_name = "S", default_value_t = RestoreSettings::default().scale)]
+    pub scale: usize,
+    /// What is asked of the image. tv: total variation, flat pieces; tgv: second-order total generalised variation, pieces whose
+    /// slope is constant, which has no --boundary neumann.
+    #[arg(long, value_name = "NAME", value_parser = regularisers(), default_value = RegulariserName::default().as_str())]
+    pub regulariser: String,
+    /// What a change of slope costs in tgv, over a step: in pixels.
+    #[arg(long, value_name = "R", default_value_t = RestoreSettings::default().tgv_ratio, allow_negative_numbers = true)]
+    pub tgv_ratio: f64,
     /// vectorial: edges of all colours at one place; channels: each colour by itself; anisotropic: rows and columns by
     /// themselves.
     #[arg(long, value_name = "NAME", value_parser = variations(), default_value = VariationName::default().as_str())]
@@ -120,7 +142,8 @@ pub struct RestoreMethodArgs {
     /// Stop after so many iterations.
     #[arg(long, value_name = "N", default_value_t = RestoreSettings::default().max_iters)]
     pub max_iters: usize,
-    /// Converged when the duality gap is below T times the objective; with --range, when primal and dual residual are below T.
+    /// Converged when the duality gap is below T times the objective; with --range or --data poisson, when primal and dual
+    /// residual are below T.
     #[arg(long, value_name = "T", default_value = format!("{:e}", RestoreSettings::default().tol), allow_negative_numbers = true)]
     pub tol: f64,
 }
@@ -131,6 +154,14 @@ fn methods() -> PossibleValuesParser {
 
 fn boundaries() -> PossibleValuesParser {
     PossibleValuesParser::new(BoundaryName::ALL.map(BoundaryName::as_str))
+}
+
+fn data() -> PossibleValuesParser {
+    PossibleValuesParser::new(DataName::ALL.map(DataName::as_str))
+}
+
+fn regularisers() -> PossibleValuesParser {
+    PossibleValuesParser::new(RegulariserName::ALL.map(RegulariserName::as_str))
 }
 
 fn variations() -> PossibleValuesParser {
@@ -154,6 +185,11 @@ impl RestoreArgs {
             // Clap lets no other names through.
             method: RestoreMethod::from_name(&m.method).unwrap_or_default(),
             boundary: BoundaryName::from_name(&m.boundary).unwrap_or_default(),
+            data: DataName::from_name(&m.data).unwrap_or_default(),
+            threshold: auto_or("--threshold", &m.threshold)?,
+            scale: m.scale,
+            regulariser: RegulariserName::from_name(&m.regulariser).unwrap_or_default(),
+            tgv_ratio: m.tgv_ratio,
             noise: auto_or("--noise", &m.noise)?,
             lambda: auto_or("--lambda", &m.lambda)?,
             variation: VariationName::from_name(&m.variation).unwrap_or_default(),

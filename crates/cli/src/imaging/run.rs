@@ -107,6 +107,28 @@ fn known_pixels(path: &Path, file: &ImageFile) -> Result<Vec<f64>, Refusal> {
     mask.channels.into_iter().next().ok_or_else(|| Refusal::new(format!("{}: no channel", path.display())))
 }
 
+/// Each pixel of a plane as often as it takes to make it as large as an image.
+fn repeated(plane: &[f64], (width, height): (usize, usize), to: &Image) -> Vec<f64> {
+    let at = |k: usize| k / to.width * height / to.height * width + k % to.width * width / to.width;
+    (0..to.n_pixels()).filter_map(|k| plane.get(at(k)).copied()).collect()
+}
+
+/// What was seen, as large as the result.
+fn finer(seen: &Image, to: &Image) -> Image {
+    let size = (seen.width, seen.height);
+    let channels = seen.channels.iter().map(|plane| repeated(plane, size, to)).collect();
+    Image { width: to.width, height: to.height, channels }
+}
+
+/// The file with the result in it; alpha grows with the image.
+fn restored(mut file: ImageFile, image: &Image) -> ImageFile {
+    let size = (file.image.width, file.image.height);
+    file.alpha = file.alpha.map(|alpha| repeated(&alpha, size, image));
+    let size = (image.width, image.height);
+    file.image = Image { width: size.0, height: size.1, ..file.image };
+    file.with_image(image.clone())
+}
+
 fn write(
     args: &RestoreArgs,
     out: &Path,
@@ -116,8 +138,8 @@ fn write(
 ) -> Result<(), Refusal> {
     let began = Instant::now();
     let mut written = vec![out.display().to_string()];
-    let before = file.image.clone();
-    let lost = write_image(out, &file.with_image(result.image.clone()))?;
+    let before = finer(&file.image, &result.image);
+    let lost = write_image(out, &restored(file, &result.image))?;
     result.report.warnings.extend(lost);
     if let (Some(truth), Some(of)) = (truth, &mut result.report.restore) {
         // Of the file, whose bits may be fewer.

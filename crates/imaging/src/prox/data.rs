@@ -20,7 +20,7 @@ impl Observed {
     }
 
     /// Those of a whole row of pixels.
-    fn of(&self, pixels: &Range<usize>) -> &[f64] {
+    pub(super) fn of(&self, pixels: &Range<usize>) -> &[f64] {
         let row = pixels.start / self.width.max(1);
         &self.values[row * self.row..(row + 1) * self.row]
     }

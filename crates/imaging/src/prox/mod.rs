@@ -4,9 +4,15 @@ use proxel_split::DualMap;
 use std::ops::Range;
 
 mod data;
+mod huber;
+mod poisson;
+#[cfg(test)]
+mod tests;
 mod total_variation;
 
 pub use data::{Interval, Observed, Squares};
+pub use huber::Huber;
+pub use poisson::Poisson;
 pub use total_variation::{Norm, TotalVariation};
 
 /// g(z) = sum over pixels of a function of the pixel's numbers: a penalty, a data term, or the indicator of a set.

@@ -11,6 +11,8 @@ pub enum Norm {
     Vectorial,
     /// The two of each channel, channel by channel: isotropic.
     Channels,
+    /// The three of each channel, of symmetrised slopes.
+    Triples,
     /// Each by itself: |z|_1, anisotropic.
     Differences,
 }
@@ -42,6 +44,7 @@ impl TotalVariation {
         match self.norm {
             Norm::Vectorial => planes,
             Norm::Channels => 2.min(planes),
+            Norm::Triples => 3.min(planes),
             Norm::Differences => 1,
         }
     }

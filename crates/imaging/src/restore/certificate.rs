@@ -32,9 +32,11 @@ impl Gap {
 /// ```
 ///
 /// Since x minimises f + 1/2 sum w^2 |D_t x - p_t|^2, r = -sum D_t^T w^2 (D_t x - z_t), which vanishes as the splitting
-/// converges and takes no gradient of f. The range is that of x, made wider by its width on each side; a solution lies
+/// converges and takes no gradient of f. The range is that of x and of what was seen, made wider by its width on each side; a solution lies
 /// inside, or the bound is none for fields outside: without a range no finite bound is to be had where a blur destroys
 /// frequencies.
+///
+/// Where there are slopes they are bounded in the same way, by a range of their own.
 ///
 /// None where the method splits nothing, or a term is a hard set.
 pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
@@ -58,18 +60,27 @@ pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
         term.penalty(x, &z, &mut residual);
     }
     if field.carries {
-        let (of_x, of_y) = residual.split_at_mut(n);
+        let (of_x, others) = residual.split_at_mut(n);
+        let of_y = &others[..n];
         let mut back = vec![0.0; n];
-        crate::convolve(field.grid, &field.fourier, &field.kernel, true, of_y, &mut back);
+        field.blur.apply(field.grid, true, of_y, &mut back);
         of_x.iter_mut().zip(&back).for_each(|(r, b)| *r += b);
     }
-    let (low, high) = x[..n].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-    let range = [low - (high - low), high + (high - low)];
-    // r (x - b) at the worst b.
-    gap += x[..n]
-        .iter()
-        .zip(&residual)
-        .map(|(x, g)| if *g < 0.0 { -g * (x - range[0]) } else { g * (range[1] - x) })
-        .sum::<f64>();
+    let range = widened(&x[..n], field.values);
+    gap += worst(&x[..n], &residual[..n], range);
+    if let Some(first) = field.first_slope() {
+        gap += worst(&x[first..], &residual[first..], widened(&x[first..], [f64::INFINITY, f64::NEG_INFINITY]));
+    }
     Some(Gap { objective, gap, range })
+}
+
+/// The range of some numbers and of another range, made wider by its width on each side.
+fn widened(x: &[f64], [low, high]: [f64; 2]) -> [f64; 2] {
+    let (low, high) = x.iter().fold((low, high), |(l, h), v| (l.min(*v), h.max(*v)));
+    [low - (high - low), high + (high - low)]
+}
+
+/// The sum of r (x - b) at the worst b within the range, for residuals -r.
+fn worst(x: &[f64], residual: &[f64], [low, high]: [f64; 2]) -> f64 {
+    x.iter().zip(residual).map(|(x, g)| if *g < 0.0 { -g * (x - low) } else { g * (high - x) }).sum()
 }

@@ -57,8 +57,8 @@ pub fn choose_lambda(
     }
     let tiles = tiles(model, settings.tile);
     let mut tried: Vec<Risk> = Vec::new();
-    // lambda = b / (2 s^2) is the maximum of the likelihood for steps of mean 2b; 1/rho is such a step.
-    let first = 1.0 / (2.0 * noise * noise * model.penalty);
+    // lambda = b / (2 s^2) is the maximum of the likelihood for steps of mean 2b; 1/rho_0 is such a step.
+    let first = 1.0 / (2.0 * noise * noise * model.natural);
     let at = |k: i32, tried: &mut Vec<Risk>| -> Result<f64, ImageError> {
         let lambda = first * 2f64.powi(k);
         if let Some(known) = tried.iter().find(|risk| risk.lambda == lambda) {
@@ -142,7 +142,7 @@ fn risk(model: &Model, noise: f64, settings: &RiskSettings) -> Result<f64, Image
         for _ in 0..settings.iterations {
             method.step().map_err(text)?;
         }
-        Ok(field.image(&field.blurred(method.x())))
+        Ok(field.seen(method.x()))
     };
     /// Of the noise: small against what the restoration reacts to, large against rounding.
     const STEP: f64 = 0.1;
@@ -199,7 +199,8 @@ struct Inverse {
 impl Inverse {
     fn new(model: &Model, damping: f64) -> Self {
         let fourier = crate::Fourier::new(model.width, model.height);
-        let psf: &Psf = &model.psf;
+        // What blurs finer pixels than these is no blur of them that could be undone.
+        let psf = if model.scale == 1 { model.psf.clone() } else { Psf::identity() };
         let mut spectrum = psf.spectrum(&fourier);
         let mut gain = 0.0;
         for (j, column) in spectrum.chunks_mut(model.height).enumerate() {

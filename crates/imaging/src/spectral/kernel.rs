@@ -1,5 +1,6 @@
 //! Convolution with a point spread function.
 
+use super::blur::Blur;
 use super::fourier::Fourier;
 use crate::{Grid, ImageError};
 use proxel_split::Potential;
@@ -130,6 +131,24 @@ impl Psf {
         })
     }
 
+    /// This blur, and after it the mean over n by n pixels, of which the first in both directions is the one that is asked for.
+    ///
+    /// # Errors
+    /// n = 0.
+    pub fn averaged(&self, n: usize) -> Result<Self, ImageError> {
+        let (w, h) = ((self.width + n).saturating_sub(1), (self.height + n).saturating_sub(1));
+        let mut weights = vec![0.0; w * h];
+        for (k, weight) in self.weights.iter().enumerate() {
+            let (i, j) = (k / self.width, k % self.width);
+            for row in weights.chunks_mut(w.max(1)).skip(i).take(n) {
+                row[j..j + n].iter_mut().for_each(|v| *v += weight);
+            }
+        }
+        // (K x)_i = sum k_a x_(i + center - a): a mean over i .. i + n - 1 has its centre at n - 1.
+        let center = (self.center.0 + n.saturating_sub(1), self.center.1 + n.saturating_sub(1));
+        Psf::new(w, h, weights, Some(center))
+    }
+
     /// Its spectrum as a periodic convolution: the transform of the weights with the centre at pixel 0.
     pub fn spectrum(&self, fourier: &Fourier) -> Vec<Complex<f64>> {
         let (w, h) = (fourier.width(), fourier.height());
@@ -161,26 +180,25 @@ fn coverage(i: f64, j: f64, inside: impl Fn(f64, f64) -> bool) -> f64 {
     hits as f64 / (SIDE * SIDE) as f64
 }
 
-/// lambda |K x - f|^2, K the periodic convolution: the data term of A(31), without a factor 1/2, over the nodes of a grid that
-/// begins at node 0.
+/// lambda |K x - f|^2, K a convolution: the data term of A(31), without a factor 1/2, over the nodes of a grid that begins at
+/// node 0.
 #[derive(Clone)]
 pub struct BlurredSquares {
     grid: Grid,
-    fourier: Fourier,
-    kernel: Arc<Vec<Complex<f64>>>, // its spectrum, column by column
-    observed: Arc<Vec<f64>>,        // f
+    blur: Blur,
+    observed: Arc<Vec<f64>>, // f
     lambda: f64,
 }
 
 impl BlurredSquares {
     /// For an observed image f laid out as the grid is.
-    pub fn new(grid: Grid, fourier: Fourier, kernel: Arc<Vec<Complex<f64>>>, observed: Vec<f64>, lambda: f64) -> Self {
-        BlurredSquares { grid, fourier, kernel, observed: Arc::new(observed), lambda }
+    pub fn new(grid: Grid, blur: Blur, observed: Vec<f64>, lambda: f64) -> Self {
+        BlurredSquares { grid, blur, observed: Arc::new(observed), lambda }
     }
 
-    /// The spectrum of the kernel.
-    pub fn kernel(&self) -> &[Complex<f64>] {
-        &self.kernel
+    /// K
+    pub fn blur(&self) -> &Blur {
+        &self.blur
     }
 
     /// f
@@ -197,27 +215,6 @@ impl BlurredSquares {
     pub fn grid(&self) -> Grid {
         self.grid
     }
-
-    /// Plans of its size.
-    pub fn fourier(&self) -> &Fourier {
-        &self.fourier
-    }
-}
-
-/// out <- K x, or K^T x, over a grid.
-pub fn convolve(grid: Grid, fourier: &Fourier, kernel: &[Complex<f64>], adjoint: bool, x: &[f64], out: &mut [f64]) {
-    let (mut from, mut work) = (x.to_vec(), super::fourier::Spectra::default());
-    let (h, scale) = (fourier.height(), 1.0 / grid.n_pixels() as f64);
-    for channel in 0..grid.channels {
-        let layout = super::channel(grid, 0, channel);
-        fourier.filter(&mut from, out, &[layout], &mut work, |column| {
-            let kernel = &kernel[column.j * h..(column.j + 1) * h];
-            for (value, k) in column.fields.iter_mut().flat_map(|f| f.iter_mut()).zip(kernel) {
-                *value *= if adjoint { k.conj() } else { *k } * scale;
-            }
-            0.0
-        });
-    }
 }
 
 impl std::fmt::Debug for BlurredSquares {
@@ -230,11 +227,11 @@ impl Potential for BlurredSquares {
     fn value_and_gradient(&self, x: &[f64], grad: Option<&mut [f64]>) -> f64 {
         let n = self.grid.len();
         let mut residual = vec![0.0; n];
-        convolve(self.grid, &self.fourier, &self.kernel, false, &x[..n], &mut residual);
+        self.blur.apply(self.grid, false, &x[..n], &mut residual);
         residual.iter_mut().zip(self.observed.iter()).for_each(|(r, f)| *r -= f);
         if let Some(grad) = grad {
             let mut back = vec![0.0; n];
-            convolve(self.grid, &self.fourier, &self.kernel, true, &residual, &mut back);
+            self.blur.apply(self.grid, true, &residual, &mut back);
             grad.iter_mut().zip(&back).for_each(|(g, b)| *g += 2.0 * self.lambda * b);
         }
         self.lambda * proxel_split::vector::dot(&residual, &residual)

@@ -1,5 +1,6 @@
 //! The global step in Fourier space.
 
+use super::blur::Blur;
 use super::fourier::{Fourier, Spectra};
 use super::kernel::BlurredSquares;
 use crate::Grid;
@@ -46,21 +47,22 @@ pub struct FourierStep {
 }
 
 impl FourierStep {
-    /// With a data term that it holds itself and the problem has as a potential, or none; terms by their symbols.
-    pub fn with_data(data: BlurredSquares, symbols: Vec<Symbol>) -> Self {
-        let (grid, fourier) = (data.grid(), data.fourier().clone());
+    /// With a data term that it holds itself and the problem has as a potential; terms by their symbols. None where the border
+    /// of the data mirrors, which is [`super::CosineStep`]'s.
+    pub fn with_data(data: BlurredSquares, symbols: Vec<Symbol>) -> Option<Self> {
+        let Blur::Periodic { fourier, kernel } = data.blur().clone() else { return None };
+        let grid = data.grid();
         let right = (0..grid.channels)
             .map(|channel| {
                 let rows = data.observed().chunks(grid.width).skip(channel).step_by(grid.channels);
                 let observed: Vec<f64> = rows.flatten().copied().collect();
                 let mut right = fourier.forward(&observed);
-                right.iter_mut().zip(data.kernel()).for_each(|(f, k)| *f *= k.conj() * (2.0 * data.lambda()));
+                right.iter_mut().zip(kernel.iter()).for_each(|(f, k)| *f *= k.conj() * (2.0 * data.lambda()));
                 right
             })
             .collect();
         let square = data.lambda() * vector::dot(data.observed(), data.observed());
-        let kernel = Arc::new(data.kernel().to_vec());
-        FourierStep { square, right, data: Some(data), ..Self::new(grid, fourier, kernel, false, symbols) }
+        Some(FourierStep { square, right, data: Some(data), ..Self::new(grid, fourier, kernel, false, symbols) })
     }
 
     /// With the blurred field behind x.
@@ -92,19 +94,35 @@ impl FourierStep {
     /// sum w^2 symbol + 2 lambda |H|^2 at a frequency; s is 4 - 2 cos - 2 cos.
     fn denominator(&self, s: f64, gain: f64) -> f64 {
         let lambda = self.data.as_ref().map_or(0.0, |data| data.lambda());
-        let terms = self.symbols.iter().zip(&self.weights).map(|(symbol, w2)| {
-            w2 * match symbol {
-                Symbol::Laplacian => s,
-                Symbol::Identity => 1.0,
-                Symbol::Blurred => gain,
-            }
-        });
-        2.0 * lambda * gain + terms.sum::<f64>()
+        2.0 * lambda * gain + of_terms(&self.symbols, &self.weights, s, gain)
     }
 
     fn gain(&self, k: usize) -> f64 {
         self.kernel.get(k).map_or(1.0, |h| h.norm_sqr())
     }
+}
+
+/// sum w^2 symbol, where the gradient's is s and the squared gain of the blur is given.
+pub(super) fn of_terms(symbols: &[Symbol], weights: &[f64], s: f64, gain: f64) -> f64 {
+    let of = |symbol: &Symbol| match symbol {
+        Symbol::Laplacian => s,
+        Symbol::Identity => 1.0,
+        Symbol::Blurred => gain,
+    };
+    symbols.iter().zip(weights).map(|(symbol, w2)| w2 * of(symbol)).sum()
+}
+
+/// w^2 of each term, of a problem on so many fields and terms, without fixed nodes.
+pub(super) fn weights(problem: &Problem, grid: Grid, fields: usize, terms: usize) -> Result<Vec<f64>, SystemError> {
+    if problem.n() != fields * grid.len() || problem.n_free != problem.n() || problem.dim != 1 {
+        let (n, len) = (problem.n(), grid.len());
+        return Err(SystemError::Factor(format!("{n} nodes for {fields} fields of {len}, none of them fixed")));
+    }
+    if problem.terms.len() != terms {
+        return Err(SystemError::Factor(format!("{terms} symbols for {} terms", problem.terms.len())));
+    }
+    let pixels = grid.n_pixels() as f64;
+    Ok(problem.terms.iter().map(|term| term.scale().weight2 / pixels).collect())
 }
 
 impl GlobalStep for FourierStep {
@@ -181,16 +199,7 @@ impl GlobalStep for FourierStep {
 
     fn weigh(&mut self, problem: &Problem) -> Result<(), SystemError> {
         let fields = if self.carries { 2 } else { 1 };
-        if problem.n() != fields * self.grid.len() || problem.n_free != problem.n() || problem.dim != 1 {
-            let (n, len) = (problem.n(), self.grid.len());
-            return Err(SystemError::Factor(format!("{n} nodes for {fields} fields of {len}, none of them fixed")));
-        }
-        if problem.terms.len() != self.symbols.len() {
-            let (terms, symbols) = (problem.terms.len(), self.symbols.len());
-            return Err(SystemError::Factor(format!("{symbols} symbols for {terms} terms")));
-        }
-        let pixels = self.grid.n_pixels() as f64;
-        self.weights = problem.terms.iter().map(|term| term.scale().weight2 / pixels).collect();
+        self.weights = weights(problem, self.grid, fields, self.symbols.len())?;
         let (h, w) = (self.fourier.height(), self.fourier.width());
         // 2 - 2 cos t = 4 sin^2(t/2), which does not cancel.
         let part = |k: usize, n: usize| 4.0 * (0.5 * TAU * k as f64 / n as f64).sin().powi(2);

@@ -1,83 +1,14 @@
 //! The Laplacian with Neumann border, inverted by cosine transforms.
 
+use crate::spectral::Line;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
-use rustfft::{Fft, FftPlanner};
-use std::f64::consts::PI;
-use std::sync::Arc;
 
 /// Columns that are transformed together: a cache line of each row.
 const BLOCK: usize = 8;
 
 /// Row pairs that one task handles.
 const PAIRS: usize = 8;
-
-/// Cosine transforms of the second kind, C_k = sum_j x_j cos(pi (2j + 1) k / 2n), of two real sequences a, b at a time as
-/// a + ib, by one complex transform of length n.
-///
-/// With v the even entries of x forwards and then the odd ones backwards, V its Fourier transform and
-/// w_k = exp(-i pi k / 2n): C_k = (w_k V_k + conj(w_k) V_(n-k)) / 2, and V_k = conj(w_k) (C_k - i C_(n-k)), V_n = V_0, C_n = 0
-/// (Makhoul 1980). Both are linear in x, hence hold for a + ib.
-struct Line {
-    n: usize,
-    forward: Arc<dyn Fft<f64>>,
-    inverse: Arc<dyn Fft<f64>>,
-    w: Vec<Complex64>,
-}
-
-impl Line {
-    fn new(n: usize) -> Self {
-        let mut planner = FftPlanner::new();
-        let w = (0..n).map(|k| Complex64::from_polar(1.0, -0.5 * PI * k as f64 / n as f64)).collect();
-        Line { n, forward: planner.plan_fft_forward(n), inverse: planner.plan_fft_inverse(n), w }
-    }
-
-    fn scratch_len(&self) -> usize {
-        self.forward.get_inplace_scratch_len().max(self.inverse.get_inplace_scratch_len())
-    }
-
-    /// Where entry j of x stands in v.
-    fn place(&self, j: usize) -> usize {
-        if j.is_multiple_of(2) { j / 2 } else { self.n - 1 - j / 2 }
-    }
-
-    /// v, already permuted, to C.
-    fn transform(&self, v: &mut [Complex64], scratch: &mut [Complex64]) {
-        let n = self.n;
-        self.forward.process_with_scratch(v, scratch);
-        for k in 1..n.div_ceil(2) {
-            let (a, b) = (v[k], v[n - k]);
-            let (w, other) = (self.w[k], self.w[n - k]);
-            v[k] = 0.5 * (w * a + w.conj() * b);
-            v[n - k] = 0.5 * (other * b + other.conj() * a);
-        }
-        if n.is_multiple_of(2) && n > 0 {
-            // k = n - k: (w + conj(w)) / 2 = cos(pi / 4)
-            v[n / 2] *= self.w[n / 2].re;
-        }
-    }
-
-    /// C to n v, still permuted.
-    fn back(&self, c: &mut [Complex64], scratch: &mut [Complex64]) {
-        let n = self.n;
-        let turned = |z: Complex64| Complex64::new(z.im, -z.re); // -i z
-        for k in 1..n.div_ceil(2) {
-            let (a, b) = (c[k], c[n - k]);
-            c[k] = self.w[k].conj() * (a + turned(b));
-            c[n - k] = self.w[n - k].conj() * (b + turned(a));
-        }
-        if n.is_multiple_of(2) && n > 0 {
-            let a = c[n / 2];
-            c[n / 2] = self.w[n / 2].conj() * (a + turned(a));
-        }
-        self.inverse.process_with_scratch(c, scratch);
-    }
-
-    /// 2 - 2 cos(pi k / n), the eigenvalue of D^T D in one direction, without cancellation: 4 sin^2(pi k / 2n).
-    fn eigenvalue(&self, k: usize) -> f64 {
-        4.0 * (0.5 * PI * k as f64 / self.n as f64).sin().powi(2)
-    }
-}
 
 /// Solves w D^T D x = b on a grid of `height` rows, D the forward differences that are 0 across the border, w > 0; b sums to
 /// 0, or its mean is left out, and so does x.
@@ -245,25 +176,6 @@ mod tests {
 
     fn noise(n: usize) -> Vec<f64> {
         (0..n).map(|k| ((k * k + 3 * k) as f64 * 0.7).sin()).collect()
-    }
-
-    #[test]
-    fn transforms_are_sums_of_cosines() {
-        for n in [1, 2, 3, 4, 5, 8, 9, 12] {
-            let line = Line::new(n);
-            let x: Vec<Complex64> = (0..n).map(|j| Complex64::new((j as f64).sin(), 1.0 / (j as f64 + 0.3))).collect();
-            let mut v = vec![Complex64::default(); n];
-            (0..n).for_each(|j| v[line.place(j)] = x[j]);
-            let mut scratch = vec![Complex64::default(); line.scratch_len()];
-            line.transform(&mut v, &mut scratch);
-            for k in 0..n {
-                let angle = |j: usize| PI * ((2 * j + 1) * k) as f64 / (2 * n) as f64;
-                let want: Complex64 = (0..n).map(|j| x[j] * angle(j).cos()).sum();
-                assert!((v[k] - want).norm() < 1e-13, "{n}, {k}");
-            }
-            line.back(&mut v, &mut scratch);
-            assert!((0..n).all(|j| (v[line.place(j)] / n as f64 - x[j]).norm() < 1e-14), "{n}");
-        }
     }
 
     /// Against elimination on the dense matrix, whose null space is taken out by a row of ones.

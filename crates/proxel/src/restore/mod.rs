@@ -19,8 +19,10 @@ mod watch;
 
 use crate::deform::TimeLimit;
 use crate::report::{Report, RestoreReport, Seconds};
-use crate::settings::{BoundaryName, RestoreMethod, RestoreSettings, VariationName};
-use proxel_imaging::restore::{Edges, Iteration, Model, RiskSettings, choose_lambda, duality_gap, noise_level, psnr};
+use crate::settings::{BoundaryName, DataName, RegulariserName, RestoreMethod, RestoreSettings, VariationName};
+use proxel_imaging::restore::{
+    Data, Edges, Iteration, Model, Regulariser, RiskSettings, choose_lambda, duality_gap, noise_level, psnr,
+};
 use proxel_imaging::{Image, ImageError, Norm, Psf};
 use proxel_split::{Cancel, IterationLimit, ResidualTolerance, Status, Stop, SystemError, run};
 use std::sync::Arc;
@@ -83,7 +85,7 @@ pub struct Hooks<'a> {
 /// An image, and how it came about.
 #[derive(Clone, Debug)]
 pub struct Restored {
-    /// Of the size of what was seen.
+    /// Of the size of what was seen, times the scale of the settings.
     pub image: Image,
     /// How the run ended.
     pub status: Status,
@@ -93,8 +95,8 @@ pub struct Restored {
 
 /// The image of least objective.
 ///
-/// Converged when the duality gap is below the tolerance times the objective; with a range of values, when the residuals
-/// are.
+/// Converged when the duality gap is below the tolerance times the objective; with a range of values, and for Poisson's data,
+/// which are not negative, when the residuals are.
 ///
 /// # Errors
 /// Images of different sizes, an image of one value whose noise is to be estimated, a blur larger than the image, settings
@@ -120,17 +122,30 @@ struct Known {
     warnings: Vec<String>,
 }
 
+/// Of the noise's standard deviation: where normal noise has no outliers, Huber's estimate has 95 % of the efficiency of the
+/// mean.
+const TUNING: f64 = 1.345;
+
 fn known(
     input: &Input<'_>,
     settings: &RestoreSettings,
     cancel: &AtomicBool,
     began: Instant,
 ) -> Result<Known, RestoreError> {
+    let blurs = input.psf.weights.len() > 1 || settings.scale > 1;
+    let bends = settings.regulariser == RegulariserName::Tgv;
     let edges = match settings.boundary {
         BoundaryName::Periodic => Edges::Periodic,
-        BoundaryName::Auto | BoundaryName::Unknown => Edges::Unknown,
+        BoundaryName::Neumann => Edges::Neumann,
+        BoundaryName::Auto | BoundaryName::Unknown if blurs || bends => Edges::Unknown,
+        // Nothing beyond the border counts, and a mirroring one says so without a larger field.
+        BoundaryName::Auto | BoundaryName::Unknown => Edges::Neumann,
     };
     let mut model = Model::new(input.image, input.psf.clone(), edges, settings.lambda.unwrap_or(1.0));
+    model.scale = settings.scale;
+    if bends {
+        model.regulariser = Regulariser::Tgv { ratio: settings.tgv_ratio };
+    }
     model.norm = match settings.variation {
         VariationName::Vectorial => Norm::Vectorial,
         VariationName::Channels => Norm::Channels,
@@ -138,20 +153,30 @@ fn known(
     };
     model.mask = input.mask.map(|mask| mask.iter().map(|m| f64::from(u8::from(*m > 0.0))).collect());
     model.range = settings.range;
-    if let Some(penalty) = settings.penalty {
-        model.penalty = penalty;
-    }
+    model.penalty = settings.penalty;
+    let (mut noise, mut tried) = (settings.noise, 0);
+    model.data = match settings.data {
+        DataName::Quadratic => Data::Squares,
+        DataName::Poisson => Data::Poisson,
+        DataName::Huber => {
+            noise = noise.or_else(|| noise_level(model.width, model.height, &model.channels));
+            let found = settings.threshold.or(noise.map(|noise| TUNING * noise)).filter(|delta| *delta > 0.0);
+            let none = "no noise was found in the image by which huber could tell large differences; give --threshold";
+            Data::Huber { delta: found.ok_or_else(|| RestoreError(none.to_string()))? }
+        }
+    };
     model.check()?;
     if let Some(truth) = input.truth {
         let size = |image: &Image| (image.width, image.height, image.channels.len());
-        if size(truth) != size(input.image) {
-            let ((w, h, c), (tw, th, tc)) = (size(input.image), size(truth));
-            let text = format!("the truth is {tw} x {th} of {tc} channels, the image {w} x {h} of {c}");
+        let (w, h, c) = size(input.image);
+        let (w, h) = (w * model.scale, h * model.scale);
+        let (tw, th, tc) = size(truth);
+        if (tw, th, tc) != (w, h, c) {
+            let text = format!("the truth is {tw} x {th} of {tc} channels, the result {w} x {h} of {c}");
             return Err(RestoreError(text));
         }
     }
     let mut warnings = Vec::new();
-    let (mut noise, mut tried) = (settings.noise, 0);
     if settings.lambda.is_none() {
         if noise.is_none() {
             noise = noise_level(model.width, model.height, &model.channels);
@@ -205,29 +230,41 @@ fn solve(
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = TimeLimit::new(began, settings.time_limit);
     let mut limit = IterationLimit(settings.max_iters);
-    let converged: &mut dyn Stop = if model.range.is_some() { &mut residuals } else { &mut gap };
+    let hard = model.range.is_some() || model.data == Data::Poisson;
+    let converged: &mut dyn Stop = if hard { &mut residuals } else { &mut gap };
     let mut stops: Vec<&mut dyn Stop> = vec![converged, &mut cancel, &mut time, &mut limit];
     let mut watcher = Watcher::new(hooks, began, &field, input.truth);
     let outcome = run(iterated.as_mut(), &mut stops, &mut watcher);
-    let end = duality_gap(iterated.as_mut(), &field).filter(|_| outcome.is_last);
+    let end = duality_gap(iterated.as_mut(), &field).filter(|_| outcome.is_last && outcome.iterations > 0);
     let measured = iterated.residuals();
     let channels = field.image(&outcome.x);
-    let image = Image::new(model.width, model.height, channels)?;
+    let image = Image::new(field.size.0, field.size.1, channels)?;
     let finite = |v: f64| Some(v).filter(|v| v.is_finite());
     let of = RestoreReport {
-        boundary: if model.edges == Edges::Periodic { BoundaryName::Periodic } else { BoundaryName::Unknown }
-            .as_str()
-            .to_string(),
+        boundary: match model.edges {
+            Edges::Periodic => BoundaryName::Periodic,
+            Edges::Neumann => BoundaryName::Neumann,
+            Edges::Unknown => BoundaryName::Unknown,
+        }
+        .as_str()
+        .to_string(),
+        data: settings.data.as_str().to_string(),
+        threshold: if let Data::Huber { delta } = model.data { Some(delta) } else { None },
+        scale: model.scale,
+        regulariser: settings.regulariser.as_str().to_string(),
         lambda: model.lambda,
         lambdas_tried: tried,
         noise,
-        penalty: model.penalty,
+        penalty: model.penalties().0,
         field: [field.grid.width, field.grid.height],
         duality_gap: end.map(|gap| gap.gap),
         relative_gap: end.map(|gap| gap.relative()),
         gap_range: end.map(|gap| gap.range),
         psnr: input.truth.and_then(|truth| finite(psnr(&image.channels, &truth.channels))),
-        psnr_input: input.truth.and_then(|truth| finite(psnr(&input.image.channels, &truth.channels))),
+        psnr_input: input
+            .truth
+            .filter(|_| model.scale == 1)
+            .and_then(|truth| finite(psnr(&input.image.channels, &truth.channels))),
     };
     let report = Report {
         version: env!("CARGO_PKG_VERSION").to_string(),

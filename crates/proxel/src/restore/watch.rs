@@ -38,16 +38,23 @@ impl Stop for GapTolerance<'_> {
         }
         self.next = report.iteration + EVERY;
         let gap = duality_gap(method, self.field)?;
-        (gap.relative() <= self.tol || gap.gap <= self.rounding).then(|| Verdict {
-            status: Status::Converged,
-            reason: format!(
-                "the duality gap is {:.2e} of the objective, at most {:e} (images with values from {:.3} to {:.3})",
+        let [low, high] = gap.range;
+        let reason = if gap.relative() <= self.tol {
+            format!(
+                "the duality gap is {:.2e} of the objective, at most {:e} (images with values from {low:.3} to {high:.3})",
                 gap.relative(),
-                self.tol,
-                gap.range[0],
-                gap.range[1]
-            ),
-        })
+                self.tol
+            )
+        } else if gap.gap <= self.rounding {
+            format!(
+                "the duality gap is {:.2e}, which is rounding: at most {ROUNDING:e} of the objective of an image of zeros \
+                 (images with values from {low:.3} to {high:.3})",
+                gap.gap
+            )
+        } else {
+            return None;
+        };
+        Some(Verdict { status: Status::Converged, reason })
     }
 }
 
@@ -113,8 +120,9 @@ impl Observer for Watcher<'_, '_> {
                 accepted: report.took_proposal(),
                 inverted: 0,
             };
-            // Before the first step forces are 0, and so is the bound: the objective is at least 0.
-            let gap = duality_gap(method, self.field).map_or(f64::INFINITY, |gap| gap.gap);
+            // Before the first step forces are no subgradients, and there is no bound.
+            let bound = (report.iteration > 0).then(|| duality_gap(method, self.field)).flatten();
+            let gap = bound.map_or(f64::INFINITY, |gap| gap.gap);
             let psnr = self.truth.map_or(f64::INFINITY, |t| psnr(&self.field.image(method.x()), &t.channels));
             trace(&RestoreRow { row, duality_gap: gap, psnr });
         }

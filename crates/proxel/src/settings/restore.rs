@@ -1,5 +1,6 @@
 //! Settings of `deblur`, `denoise` and `inpaint`, with their defaults.
 
+use proxel_imaging::restore::MOST_SCALE;
 use serde::{Deserialize, Serialize};
 
 /// How the problem is iterated.
@@ -59,20 +60,86 @@ pub enum BoundaryName {
     Auto,
     /// The image again, as for images that were blurred by a Fourier transform.
     Periodic,
-    /// Nobody knows: the field is larger than the image, and only what was seen is compared.
+    /// Its mirror image; for blurs that are symmetric in both directions.
+    Neumann,
+    /// Nobody knows: the field is larger than the image, and only what was seen is compared. Without a blur nothing beyond the
+    /// border counts, and this is `neumann`.
     Unknown,
 }
 
 impl BoundaryName {
     /// All of them.
-    pub const ALL: [BoundaryName; 3] = [BoundaryName::Auto, BoundaryName::Periodic, BoundaryName::Unknown];
+    pub const ALL: [BoundaryName; 4] =
+        [BoundaryName::Auto, BoundaryName::Periodic, BoundaryName::Neumann, BoundaryName::Unknown];
 
     /// As on the command line.
     pub fn as_str(self) -> &'static str {
         match self {
             BoundaryName::Auto => "auto",
             BoundaryName::Periodic => "periodic",
+            BoundaryName::Neumann => "neumann",
             BoundaryName::Unknown => "unknown",
+        }
+    }
+
+    /// By that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.as_str() == name)
+    }
+}
+
+/// How what was seen is compared with what the result looks like through the blur.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DataName {
+    /// Squares of differences: normal noise.
+    #[default]
+    Quadratic,
+    /// The divergence of Kullback and Leibler: counted light.
+    Poisson,
+    /// Squares of small differences, absolute values of large ones: outliers.
+    Huber,
+}
+
+impl DataName {
+    /// All of them.
+    pub const ALL: [DataName; 3] = [DataName::Quadratic, DataName::Poisson, DataName::Huber];
+
+    /// As on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            DataName::Quadratic => "quadratic",
+            DataName::Poisson => "poisson",
+            DataName::Huber => "huber",
+        }
+    }
+
+    /// By that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.as_str() == name)
+    }
+}
+
+/// What is asked of the image itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RegulariserName {
+    /// Total variation: flat pieces.
+    #[default]
+    Tv,
+    /// Second-order total generalised variation: pieces whose slope is constant.
+    Tgv,
+}
+
+impl RegulariserName {
+    /// All of them.
+    pub const ALL: [RegulariserName; 2] = [RegulariserName::Tv, RegulariserName::Tgv];
+
+    /// As on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            RegulariserName::Tv => "tv",
+            RegulariserName::Tgv => "tgv",
         }
     }
 
@@ -122,10 +189,20 @@ pub struct RestoreSettings {
     pub method: RestoreMethod,
     /// What lies beyond the border.
     pub boundary: BoundaryName,
+    /// How what was seen is compared.
+    pub data: DataName,
+    /// What `huber` takes for a small difference; 1.345 times the standard deviation of the noise if none.
+    pub threshold: Option<f64>,
+    /// The result has so many times the rows and columns of what was seen.
+    pub scale: usize,
     /// Standard deviation of the noise; estimated if none.
     pub noise: Option<f64>,
     /// lambda_1 of A(31), lambda_2 being 1; by an estimate of the risk if none.
     pub lambda: Option<f64>,
+    /// What is asked of the image.
+    pub regulariser: RegulariserName,
+    /// What a change of slope costs in `tgv`, over a step: in pixels.
+    pub tgv_ratio: f64,
     /// Which differences count together.
     pub variation: VariationName,
     /// Values that the image may have; any if none.
@@ -152,14 +229,19 @@ impl Default for RestoreSettings {
         RestoreSettings {
             method: RestoreMethod::default(),
             boundary: BoundaryName::default(),
+            data: DataName::default(),
+            threshold: None,
+            scale: 1,
             noise: None,
             lambda: None,
+            regulariser: RegulariserName::default(),
+            tgv_ratio: 2.0,
             variation: VariationName::default(),
             range: None,
             penalty: None,
             relaxation: 1.8,
             anderson: 6,
-            tol: 1e-4,
+            tol: 1e-9,
             max_iters: 5000,
             time_limit: None,
             threads: None,
@@ -171,7 +253,13 @@ impl RestoreSettings {
     /// # Errors
     /// The first number that makes no sense, and what would.
     pub fn check(&self) -> Result<(), String> {
-        for (name, value) in [("--lambda", self.lambda), ("--noise", self.noise), ("--penalty", self.penalty)] {
+        let numbers = [
+            ("--lambda", self.lambda),
+            ("--noise", self.noise),
+            ("--penalty", self.penalty),
+            ("--threshold", self.threshold),
+        ];
+        for (name, value) in numbers {
             if let Some(v) = value.filter(|v| !(*v > 0.0 && v.is_finite())) {
                 return Err(format!("{name} is {v}; give auto or a positive number"));
             }
@@ -181,6 +269,21 @@ impl RestoreSettings {
         }
         if !(self.tol > 0.0 && self.tol < 1.0) {
             return Err(format!("--tol is {}; it must be between 0 and 1", self.tol));
+        }
+        if !(self.tgv_ratio > 0.0 && self.tgv_ratio.is_finite()) {
+            return Err(format!("--tgv-ratio is {}; give a positive number", self.tgv_ratio));
+        }
+        if !(1..=MOST_SCALE).contains(&self.scale) {
+            return Err(format!("--scale is {}; give 1 to {MOST_SCALE}", self.scale));
+        }
+        if self.lambda.is_none() && self.data != DataName::Quadratic {
+            return Err(format!(
+                "--lambda auto estimates the risk for normal noise; with --data {} give a number",
+                self.data.as_str()
+            ));
+        }
+        if self.threshold.is_some() && self.data != DataName::Huber {
+            return Err("--threshold is for --data huber".to_string());
         }
         if let Some([low, high]) = self.range
             && !(low < high && low.is_finite())

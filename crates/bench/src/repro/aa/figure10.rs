@@ -7,7 +7,7 @@ use crate::repro::context::Context;
 use crate::table::Table;
 use proxel::imaging::io::read_image;
 use proxel::imaging::restore::{Edges, Field, Form, Iteration, Model, psnr};
-use proxel::imaging::{Grid, Image, Psf, convolve};
+use proxel::imaging::{Grid, Image, Psf};
 use proxel::split::{Method, normalized};
 use proxel_testkit::SplitMix;
 use std::fmt::Write as _;
@@ -78,7 +78,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     );
     for (name, form, rho, iteration, elsewhere) in ROWS {
         let mut model = Model::new(&scene.seen, scene.psf.clone(), Edges::Periodic, LAMBDA);
-        (model.form, model.penalty, model.data_penalty) = (form, rho, Some(rho));
+        (model.form, model.penalty, model.data_penalty) = (form, Some(rho), Some(rho));
         let built = model.build(None).map_err(BenchError::from_display)?;
         let field = built.field.clone();
         let mut method = built.method(name, iteration).map_err(BenchError::from_display)?;
@@ -140,18 +140,21 @@ fn scene(quick: bool) -> Result<Scene, BenchError> {
              camera.png: counts elsewhere are of that."
         ),
     };
-    let field = Field::new(sharp.width, sharp.height, 1, &psf, Edges::Periodic);
+    let field = Field::new(sharp.width, sharp.height, 1, &psf, Edges::Periodic).map_err(BenchError::from_display)?;
     let grid = Grid::new(sharp.width, sharp.height);
     let mut blurred = vec![0.0; grid.len()];
-    convolve(grid, &field.fourier, &field.kernel, false, &sharp.channels[0], &mut blurred);
+    field.blur.apply(grid, false, &sharp.channels[0], &mut blurred);
     let mut random = SplitMix::new(1);
     blurred.iter_mut().for_each(|v| *v += NOISE * random.normal());
     let seen = Image::new(sharp.width, sharp.height, vec![blurred]).map_err(BenchError::from_display)?;
     Ok(Scene { name, truth: Some(sharp.channels), seen, psf, source })
 }
 
-/// Rings whose period falls towards the border, a staircase of greys, and bars at three slopes.
-fn chart(n: usize) -> Result<Image, BenchError> {
+/// Rings whose period falls towards the border, a staircase of greys, and bars at three slopes, n x n pixels.
+///
+/// # Errors
+/// n = 0.
+pub fn chart(n: usize) -> Result<Image, BenchError> {
     let value = |i: usize, j: usize| -> f64 {
         let (y, x) = (i as f64 / n as f64 - 0.5, j as f64 / n as f64 - 0.5);
         let r = y.hypot(x);

@@ -31,6 +31,7 @@ use super::context::Context;
 use crate::plot::{Axis, Line, Panel};
 use crate::table::Table;
 use course::{Course, Residual};
+pub use figure10::chart;
 use std::fmt::Write as _;
 
 /// Levels of the normalised residuals that the CSV lists.
