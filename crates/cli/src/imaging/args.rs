@@ -13,7 +13,7 @@ use crate::refusal::Refusal;
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  proxel deblur photo.png --psf kernel.png --tol 1e-4 --out sharp.png
+  proxel deblur photo.png --psf kernel.png --out sharp.png
   proxel deblur scan.tif --psf gaussian:1.6 --out sharp.tif --report r.json
   proxel deblur shake.jpg --psf motion:15,30 --noise 0.01 --out still.png
   proxel deblur small.png --psf gaussian:1 --scale 2 --out large.png
@@ -40,7 +40,7 @@ pub struct DeblurArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  proxel denoise grainy.png --tol 1e-4 --out smooth.png
+  proxel denoise grainy.png --out smooth.png
   proxel denoise photons.tif --data poisson --lambda 30 --out smooth.tif
   proxel denoise specks.png --data huber --lambda 20 --out clean.png
   proxel denoise grainy.tif --noise 0.05 --variation channels --out smooth.tif
@@ -58,7 +58,7 @@ pub struct DenoiseArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  proxel inpaint scratched.png --mask good.png --lambda 1000 --tol 1e-4 --out whole.png
+  proxel inpaint scratched.png --mask good.png --lambda 1000 --out whole.png
 
 Minimises lambda |M (x - f)|^2 + sum |grad x|.")]
 pub struct InpaintArgs {

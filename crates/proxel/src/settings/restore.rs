@@ -241,7 +241,7 @@ impl Default for RestoreSettings {
             penalty: None,
             relaxation: 1.8,
             anderson: 6,
-            tol: 1e-9,
+            tol: 1e-4,
             max_iters: 5000,
             time_limit: None,
             threads: None,
