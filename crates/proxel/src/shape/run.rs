@@ -1,6 +1,6 @@
 //! The course of a run: a splitting, and its finish.
 
-use super::finish::{Constraints, Finish};
+use super::finish::{Constraints, Finish, Program};
 use super::problem::{Posed, Shape};
 use super::{EXACT, ShapeError, ShapeMethod, ShapeSettings, ways};
 use crate::deform::{Hooks, Progress, TimeLimit};
@@ -87,20 +87,26 @@ pub(super) fn run(
         return Ok(ended(outcome, residuals, factor_bytes, setup, began));
     }
     let before = outcome;
+    let program = Program::new(method.problem(), constraints, method.x())?;
+    watcher.skips = true;
+    if program.needs() > settings.memory {
+        let (needs, memory) = (program.needs() / 1e9, settings.memory / 1e9);
+        drop(program);
+        let mut stops: Vec<&mut dyn Stop> = vec![tolerance.as_mut(), &mut cancel, &mut time, &mut limit];
+        let mut outcome = since(&before, proxel_split::run(method.as_mut(), &mut stops, &mut watcher));
+        outcome.reason +=
+            &format!("; without the finish, whose factor would take {needs:.1} GB of {memory:.1} (--memory)");
+        let (residuals, factor_bytes) = (method.residuals(), method.factor_bytes());
+        return Ok(ended(outcome, residuals, factor_bytes, setup, began));
+    }
     let (x, dual) = (method.x().to_vec(), method.residuals().dual);
     let settled = before.reason.clone();
     let problem = method.into_problem();
-    let mut finish = Finish::new(problem, constraints, x, (before.iterations, dual))?;
-    watcher.skips = true;
+    let mut finish = Finish::new(program, problem, x, (before.iterations, dual));
     let mut exact = Exact { settled };
     let mut last = IterationLimit(settings.max_iters.min(before.iterations + FINISH));
     let mut stops: Vec<&mut dyn Stop> = vec![&mut exact, &mut cancel, &mut time, &mut last];
-    let mut outcome = proxel_split::run(&mut finish, &mut stops, &mut watcher);
-    outcome.accepted += before.accepted;
-    outcome.rejected += before.rejected;
-    outcome.inner_iterations += before.inner_iterations;
-    outcome.refactorisations += before.refactorisations;
-    outcome.iterations = outcome.iterations.max(before.iterations);
+    let mut outcome = since(&before, proxel_split::run(&mut finish, &mut stops, &mut watcher));
     let residuals = finish.residuals();
     let factor_bytes = finish.factor_bytes();
     (outcome.x, outcome.energy) = (finish.x().to_vec(), finish.energy());
@@ -109,6 +115,16 @@ pub(super) fn run(
         outcome.status = Status::Stopped;
     }
     Ok(ended(outcome, residuals, factor_bytes, setup, began))
+}
+
+/// What has gone on after `before`, counted from the start.
+fn since(before: &Outcome, mut outcome: Outcome) -> Outcome {
+    outcome.accepted += before.accepted;
+    outcome.rejected += before.rejected;
+    outcome.inner_iterations += before.inner_iterations;
+    outcome.refactorisations += before.refactorisations;
+    outcome.iterations = outcome.iterations.max(before.iterations);
+    outcome
 }
 
 fn ended(outcome: Outcome, residuals: Residuals, factor_bytes: u64, setup: f64, began: Instant) -> Ended {

@@ -1,6 +1,7 @@
 //! Settings of the commands that shape a mesh, with their defaults.
 
 use super::recipe::RecipeSolver;
+use crate::settings::NewtonSettings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -72,6 +73,8 @@ pub struct ShapeSettings {
     pub tol: f64,
     /// Most iterations.
     pub max_iters: usize,
+    /// Bytes that the factor of the finish of `auto` may take; without room for it the splitting goes on instead.
+    pub memory: f64,
     /// Seconds after which a run stops.
     pub time_limit: Option<f64>,
     /// Threads; all processors without it.
@@ -89,6 +92,7 @@ impl ShapeSettings {
             fairing: 0.1,
             tol: 1e-9,
             max_iters: 5000,
+            memory: NewtonSettings::default().memory,
             time_limit: None,
             threads: None,
         }
@@ -122,6 +126,7 @@ impl ShapeSettings {
         positive("mu", self.mu)?;
         positive("closeness", self.closeness)?;
         positive("tol", self.tol)?;
+        positive("memory", self.memory)?;
         if !(self.fairing >= 0.0 && self.fairing.is_finite()) {
             return Err(format!("--fairing is {}; give a number that is not negative", self.fairing));
         }

@@ -2,7 +2,7 @@
 
 mod program;
 
-use program::Program;
+pub(super) use program::Program;
 use proxel_linalg::sparse::SparseError;
 use proxel_model::constraint::RowsOf;
 use proxel_split::{
@@ -33,7 +33,7 @@ pub(super) struct Finish {
     squares: f64,    // sum c^2 at x
     dual: f64,       // the dual residual that the splitting has ended with
     descents: usize, // steps with g that are left
-    fresh: bool,     // whether the last factor is one of an undamped step that was taken
+    fresh: bool,     // whether the last factor is one of an undamped step, and fast so far
     iteration: usize,
 }
 
@@ -48,27 +48,19 @@ const RAISE: f64 = 10.0;
 /// tau below this part of the stiffness is none.
 const LEAST: f64 = 1e-2;
 /// A factor is used again as long as a step with it leaves less than this part of sum c^2.
-const FAST: f64 = 1e-2;
+const FAST: f64 = 0.1;
 
 fn broken(e: SparseError) -> SystemError {
     SystemError::Factor(e.to_string())
 }
 
 impl Finish {
-    /// Goes on from x, where a splitting has got to in some iterations, to a dual residual.
-    ///
-    /// # Errors
-    /// A pattern that is too large.
-    pub fn new(
-        problem: Problem,
-        constraints: Constraints,
-        x: Vec<f64>,
-        (iteration, dual): (usize, f64),
-    ) -> Result<Self, SystemError> {
-        let program = Program::new(&problem, constraints)?;
+    /// Goes on from x, where a splitting has got to in some iterations, to a dual residual, by the program of the problem
+    /// there.
+    pub fn new(program: Program, problem: Problem, x: Vec<f64>, (iteration, dual): (usize, f64)) -> Self {
         let (violation, [_, squares]) = (program.violation(&x), program.broken(&x));
         let (damping, descents, fresh) = (0.0, DESCENTS, false);
-        Ok(Finish { problem, program, x, damping, violation, squares, dual, descents, fresh, iteration })
+        Finish { problem, program, x, damping, violation, squares, dual, descents, fresh, iteration }
     }
 
     fn moved(&self, d: &[f64]) -> Vec<f64> {
@@ -94,16 +86,16 @@ impl Finish {
         }
     }
 
-    /// A step to the sets with the factor that is there; whether it was worth it.
+    /// A step to the sets with the factor that is there, if it goes there; whether another one would be worth it.
     fn chord(&mut self) -> Result<bool, SystemError> {
         let d = self.program.chord(&self.x)?;
         let x = self.moved(&d);
         let [_, squares] = self.program.broken(&x);
-        let falls = squares < FAST * self.squares && vector::is_finite(&x);
-        if falls {
+        let gain = squares / self.squares;
+        if gain < 1.0 && vector::is_finite(&x) {
             self.take(x, squares);
         }
-        Ok(falls)
+        Ok(gain < FAST)
     }
 }
 
@@ -124,7 +116,7 @@ impl Method for Finish {
         let mut g = vec![0.0; 3 * self.problem.n_free];
         let before = self.problem.energy(&self.x, descends.then_some(g.as_mut_slice())).value;
         let [length, _] = self.program.broken(&self.x);
-        self.program.linearise(&self.x);
+        self.program.linearise(&self.problem, &self.x)?;
         loop {
             let d = match self.program.direction(&g, self.damping, self.violation) {
                 Ok(d) => d,
@@ -152,7 +144,13 @@ impl Method for Finish {
             if good && vector::is_finite(&x) {
                 self.take(x, squares);
                 self.fresh = self.damping == 0.0;
-                self.damping = if self.damping > LEAST * stiffness { self.damping / RAISE } else { 0.0 };
+                // What had to be raised in this step would have to be in the next one.
+                if rejected == 0 {
+                    self.damping = if self.damping > LEAST * stiffness { self.damping / RAISE } else { 0.0 };
+                }
+                if self.descents == 1 {
+                    self.damping = 0.0; // that of steps with g
+                }
                 self.descents = self.descents.saturating_sub(1);
                 return Ok(self.done(rejected + 1, true));
             }

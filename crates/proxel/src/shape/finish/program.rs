@@ -12,18 +12,71 @@ use std::sync::Arc;
 ///
 /// by the method of multipliers on one factor of H + tau I + rho J^T J, which takes equations that depend on each other
 /// as they come; an inequality is part of it where it would be violated.
-pub(super) struct Program {
+pub(in crate::shape) struct Program {
     constraints: Constraints,
     stiffness: f64, // the mean of H's diagonal, what damping and penalty are measured against
     rows: Rows,
     active: Vec<bool>, // the rows that the factor has
     multipliers: Vec<f64>,
     pushed: Vec<RowKey>, // inequalities that were active in the last step, ascending
+    layout: Layout,
+    scratch: SolveScratch,
+}
+
+/// The matrix of a program, as sparse as the rows are that it may have: of inequalities only those near their bounds.
+struct Layout {
     pattern: SymPattern,
     matrix: BlockMatrix,
     factor: Cholesky<f64>,
-    scratch: SolveScratch,
+    bytes: f64,        // of the factor and its workspace, once there is one
     hessian: Vec<f64>, // H, slot by slot
+}
+
+impl Layout {
+    /// For soft terms and rows like these.
+    fn new(problem: &Problem, rows: &Rows) -> Result<Self, SystemError> {
+        let (mut flat, mut ends) = (Vec::new(), vec![0]);
+        let n = problem.n_free as u32;
+        let mut add = |nodes: &[u32]| {
+            flat.extend(nodes.iter().filter(|node| **node < n));
+            ends.push(flat.len());
+        };
+        let soft = || problem.terms.iter().filter(|term| !term.is_hard());
+        soft().for_each(|term| term.for_each_element(&mut add));
+        problem.quadratic.form.for_each_pair(&mut |i, j| add(&[i, j]));
+        (0..rows.len()).for_each(|r| add(rows.row(r).0));
+        let cliques: Vec<&[u32]> = ends.windows(2).map(|w| &flat[w[0]..w[1]]).collect();
+        let pattern = SymPattern::from_cliques(problem.n_free, &cliques).map_err(broken)?;
+        let symbolic = Symbolic::analyze(&pattern, Ordering::Auto).and_then(|s| s.expanded(3)).map_err(broken)?;
+        let mut hessian = vec![0.0; pattern.nnz()];
+        problem.quadratic.form.add_to(&pattern, &mut hessian);
+        soft().for_each(|term| term.add_normal(&pattern, &mut hessian));
+        for (node, k, _) in &problem.quadratic.springs {
+            if let Some(slot) = pattern.slot(*node as usize, *node as usize) {
+                hessian[slot] += k;
+            }
+        }
+        let matrix = BlockMatrix::new(&pattern, 3).map_err(broken)?;
+        let (factor, workspace) = symbolic.factor_bytes::<f64>();
+        let bytes = factor as f64 + workspace as f64;
+        Ok(Layout { pattern, matrix, factor: Cholesky::new(Arc::new(symbolic)), bytes, hessian })
+    }
+
+    /// Whether there is a place for the products of all rows.
+    fn holds(&self, rows: &Rows) -> bool {
+        let n = self.pattern.n() as u32;
+        let has = |i: u32, j: u32| j > i || i >= n || self.pattern.slot(i as usize, j as usize).is_some();
+        (0..rows.len()).all(|r| rows.row(r).0.iter().all(|i| rows.row(r).0.iter().all(|j| has(*i, *j))))
+    }
+}
+
+fn rows_at(constraints: &Constraints, x: &[f64], near: f64, mut rows: Rows) -> Rows {
+    rows.clear();
+    for c in constraints {
+        c.add_rows(x.as_chunks::<3>().0, near, &mut rows);
+        rows.next_group();
+    }
+    rows
 }
 
 /// rho over the stiffness of the soft terms: an iteration of multipliers gains so many digits, and a factor has ten
@@ -41,54 +94,35 @@ const SLIGHT: f64 = 1e-2;
 const PASSES: usize = 3;
 
 impl Program {
-    /// Of the soft terms of a problem, and of hard sets beside them.
+    /// Of the soft terms of a problem, and of hard sets beside them, at x.
     ///
     /// # Errors
     /// A pattern that is too large.
-    pub fn new(problem: &Problem, constraints: Constraints) -> Result<Self, SystemError> {
-        let (mut flat, mut ends) = (Vec::new(), vec![0]);
-        let n = problem.n_free as u32;
-        for term in &problem.terms {
-            term.for_each_element(&mut |nodes| {
-                flat.extend(nodes.iter().filter(|node| **node < n));
-                ends.push(flat.len());
-            });
-        }
-        problem.quadratic.form.for_each_pair(&mut |i, j| {
-            flat.extend([i, j]);
-            ends.push(flat.len());
-        });
-        let cliques: Vec<&[u32]> = ends.windows(2).map(|w| &flat[w[0]..w[1]]).collect();
-        let pattern = SymPattern::from_cliques(problem.n_free, &cliques).map_err(broken)?;
-        let symbolic = Symbolic::analyze(&pattern, Ordering::Auto).and_then(|s| s.expanded(3)).map_err(broken)?;
-        let mut hessian = vec![0.0; pattern.nnz()];
-        problem.quadratic.form.add_to(&pattern, &mut hessian);
-        problem.terms.iter().filter(|term| !term.is_hard()).for_each(|term| term.add_normal(&pattern, &mut hessian));
-        for (node, k, _) in &problem.quadratic.springs {
-            if let Some(slot) = pattern.slot(*node as usize, *node as usize) {
-                hessian[slot] += k;
-            }
-        }
-        let diagonal = (0..problem.n_free).filter_map(|i| pattern.slot(i, i)).map(|slot| hessian[slot]);
+    pub fn new(problem: &Problem, constraints: Constraints, x: &[f64]) -> Result<Self, SystemError> {
+        let rows = rows_at(&constraints, x, 2.0 * AWAY, Rows::default());
+        let layout = Layout::new(problem, &rows)?;
+        let diagonal = (0..problem.n_free).filter_map(|i| layout.pattern.slot(i, i)).map(|slot| layout.hessian[slot]);
         let stiffness = diagonal.sum::<f64>() / problem.n_free.max(1) as f64;
         Ok(Program {
-            matrix: BlockMatrix::new(&pattern, 3).map_err(broken)?,
-            factor: Cholesky::new(Arc::new(symbolic)),
-            scratch: SolveScratch::default(),
             constraints,
+            layout,
             stiffness,
             rows: Rows::default(),
             active: Vec::new(),
             multipliers: Vec::new(),
             pushed: Vec::new(),
-            pattern,
-            hessian,
+            scratch: SolveScratch::default(),
         })
     }
 
     /// The mean of H's diagonal.
     pub fn stiffness(&self) -> f64 {
         self.stiffness
+    }
+
+    /// Bytes that its factor takes once there is one.
+    pub fn needs(&self) -> f64 {
+        self.layout.bytes
     }
 
     /// The largest multiplier of the last step.
@@ -98,7 +132,7 @@ impl Program {
 
     /// Bytes of the factor and of its workspace.
     pub fn factor_bytes(&self) -> u64 {
-        let (factor, workspace) = self.factor.bytes();
+        let (factor, workspace) = self.layout.factor.bytes();
         (factor + workspace) as u64
     }
 
@@ -110,35 +144,35 @@ impl Program {
 
     /// sum |c| and sum c^2 at x, inequalities where they are violated.
     pub fn broken(&self, x: &[f64]) -> [f64; 2] {
-        let rows = self.rows_at(x, 0.0, Rows::default());
+        let rows = rows_at(&self.constraints, x, 0.0, Rows::default());
         let size = |(c, relation): (&f64, &Relation)| if *relation == Relation::Zero { c.abs() } else { c.max(0.0) };
         let sizes = rows.values().iter().zip(rows.relations()).map(size);
         sizes.fold([0.0; 2], |[one, two], c| [one + c, two + c * c])
     }
 
-    fn rows_at(&self, x: &[f64], near: f64, mut rows: Rows) -> Rows {
-        rows.clear();
-        for c in &self.constraints {
-            c.add_rows(x.as_chunks::<3>().0, near, &mut rows);
-            rows.next_group();
-        }
-        rows
-    }
-
     /// c and J are those at x from here on.
-    pub fn linearise(&mut self, x: &[f64]) {
+    ///
+    /// # Errors
+    /// A pattern that is too large.
+    pub fn linearise(&mut self, problem: &Problem, x: &[f64]) -> Result<(), SystemError> {
         let rows = std::mem::take(&mut self.rows);
-        self.rows = self.rows_at(x, AWAY, rows);
+        self.rows = rows_at(&self.constraints, x, AWAY, rows);
+        if !self.layout.holds(&self.rows) {
+            let wide = rows_at(&self.constraints, x, 2.0 * AWAY, Rows::default());
+            self.layout = Layout::new(problem, &wide)?;
+        }
+        Ok(())
     }
 
     /// H + tau I + rho J^T J, and its factor.
     fn refactor(&mut self, tau: f64, rho: f64) -> Result<(), SystemError> {
-        self.matrix.values_mut().fill(0.0);
-        self.matrix.add_identities(&self.hessian).map_err(broken)?;
-        for i in 0..self.pattern.n() {
-            self.matrix.add_to_diagonal(i, tau);
+        let Layout { pattern, matrix, factor, hessian, .. } = &mut self.layout;
+        matrix.values_mut().fill(0.0);
+        matrix.add_identities(hessian).map_err(broken)?;
+        for i in 0..pattern.n() {
+            matrix.add_to_diagonal(i, tau);
         }
-        let (pattern, values) = (&self.pattern, self.matrix.values_mut());
+        let values = matrix.values_mut();
         for r in (0..self.rows.len()).filter(|r| self.active[*r]) {
             let (nodes, gradients) = self.rows.row(r);
             for (i, a) in nodes.iter().zip(gradients) {
@@ -151,7 +185,7 @@ impl Program {
                 }
             }
         }
-        Ok(self.factor.refactor(self.matrix.values())?)
+        Ok(factor.refactor(matrix.values())?)
     }
 
     /// d and lambda of the program with the active rows as equations c + J d = 0.
@@ -159,7 +193,7 @@ impl Program {
         self.multipliers.clear();
         self.multipliers.resize(self.rows.len(), 0.0);
         let size = c.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
-        let mut d = vec![0.0; 3 * self.pattern.n()];
+        let mut d = vec![0.0; 3 * self.layout.pattern.n()];
         let mut before = f64::INFINITY;
         for _ in 0..MULTIPLIERS {
             // The gradient of the augmented Lagrangian at d = 0, so that d is solved for anew.
@@ -167,7 +201,7 @@ impl Program {
             for r in (0..self.rows.len()).filter(|r| self.active[*r]) {
                 self.rows.add_gradient(r, -(self.multipliers[r] + rho * c[r]), &mut b);
             }
-            self.factor.solve_in_place(&mut b, 1, &mut self.scratch)?;
+            self.layout.factor.solve_in_place(&mut b, 1, &mut self.scratch)?;
             d = b;
             let mut left = 0.0_f64;
             for r in (0..self.rows.len()).filter(|r| self.active[*r]) {
@@ -230,7 +264,7 @@ impl Program {
     /// # Errors
     /// A factor that is not there.
     pub fn chord(&mut self, x: &[f64]) -> Result<Vec<f64>, SystemError> {
-        let now = self.rows_at(x, AWAY, Rows::default());
+        let now = rows_at(&self.constraints, x, AWAY, Rows::default());
         let value = |key: &RowKey| now.keys().binary_search(key).map_or(0.0, |at| now.values()[at]);
         let c: Vec<f64> = self.rows.keys().iter().map(value).collect();
         self.solve(&vec![0.0; x.len()], &c, PENALTY * self.stiffness)
