@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     )
 
     Callback = Callable[[Progress], object]
+    Energy = Callable[[NDArray[np.float64]], tuple[Any, Any]]
 
 
 def settings(command: str, **settings: Any) -> dict[str, Any]:
@@ -125,6 +126,7 @@ def body_input(
     pressure: float | None,
     obstacles: Any,
     reference: ArrayLike | None,
+    energy: Energy | None = None,
 ) -> tuple[NDArray[np.float64], int, dict[str, Any]]:
     """Points, how many coordinates they came with, and the rest of a body."""
     points = _arrays.points(V)
@@ -172,7 +174,23 @@ def body_input(
     more["forces"] = None if forces is None else _padded(forces, dim, "forces")
     more["pressure"] = None if pressure is None else float(pressure)
     more["reference"] = None if reference is None else _padded(reference, dim, "reference")
+    more["energy"] = None if energy is None else (_checked(energy), bool(getattr(energy, "barrier", False)))
     return points, dim, more
+
+
+def _checked(energy: Energy) -> Energy:
+    """With results as the compiled part takes them."""
+
+    def checked(F: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        answer = energy(F)
+        if not isinstance(answer, tuple) or len(answer) != 2:
+            raise InputError("energy: it returned no pair; return psi (m,) and dpsi/dF (m, 3, 3)")
+        psi, P = _arrays.real(answer[0], "energy: psi"), _arrays.real(answer[1], "energy: dpsi/dF")
+        if psi.shape != F.shape[:1] or P.shape != F.shape:
+            raise InputError(f"energy: psi is {psi.shape} and dpsi/dF {P.shape}; return {F.shape[:1]} and {F.shape}")
+        return psi, P
+
+    return checked
 
 
 def _padded(array: ArrayLike, dim: int, what: str) -> NDArray[np.float64]:
@@ -194,6 +212,7 @@ def deform(
     pressure: float | None = None,
     obstacles: Sequence[tuple[ArrayLike, ArrayLike]] | None = None,
     reference: ArrayLike | None = None,
+    energy: Energy | None = None,
     callback: Callback | None = None,
     cancel: Cancel | None = None,
     trace: bool = False,
@@ -212,13 +231,17 @@ def deform(
     `materials={1: {"young": 1e5}}`. `material` is a name or a dict; `young`, `poisson`, `mu` and `lambda_` may stand beside it.
     `start` (n, 3) is where the iteration begins, `reference` what the position error is measured against.
 
+    `energy` is one of your own, of tetrahedra, in the place of the material's: a function of deformation gradients F (m, 3, 3), in
+    the order of T, that returns densities psi (m,) over rest volume and dpsi/dF (m, 3, 3). It needs `method="lbfgs"` or "bcqn";
+    the material's stiffness at rest preconditions. An attribute `barrier = True` says that psi is infinite where det F <= 0.
+
     Returns positions of the shape of V, pinned vertices bit for bit, and the info; `info.reaction` (n, 3) is the force that the
     body exerts on what holds it. For `callback`, `cancel`, `trace` and errors see `unwrap`.
 
     Brown and Narain 2021 (WRAPD), and others by `method`; `auto` goes on by Newton's method.
     """
     points, dim, more = body_input(
-        V, T, pins, targets, start, regions, springs, forces, pressure, obstacles, reference
+        V, T, pins, targets, start, regions, springs, forces, pressure, obstacles, reference, energy
     )
     given: dict[str, Any] = dict(settings)
     if dim == 2:

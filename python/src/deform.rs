@@ -2,17 +2,19 @@
 
 use crate::arrays::{self, Faces, MESH, numbers, rows, table};
 use crate::drive::{Cancel, Listener, drive};
+use crate::energy::Function;
 use crate::error::{InputError, refused};
 use crate::outcome::{Draw, Outcome, trace};
 use crate::settings::{self, given, to_value};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
-use proxel::deform::{DeformInput, Hooks, deform as solve, draw_deformation, extras};
+use proxel::deform::{DeformInput, Hooks, OwnEnergy, deform as solve, draw_deformation, extras};
 use proxel::mesh::Mesh;
 use proxel::pins::{HalfSpace, Handles, PinFile};
 use proxel::report::TraceRow;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Vertices and where they are to be.
 pub type Targets<'py> = (PyReadonlyArray1<'py, u32>, PyReadonlyArray2<'py, f64>);
@@ -36,6 +38,7 @@ pub struct BodyInput<'py> {
     pressure: Option<f64>,
     obstacles: Option<PyReadonlyArray2<'py, f64>>,
     reference: Option<PyReadonlyArray2<'py, f64>>,
+    energy: Option<Bound<'py, PyAny>>,
 }
 
 impl BodyInput<'_> {
@@ -72,6 +75,18 @@ impl BodyInput<'_> {
 
     /// With its points; and what is odd about it.
     pub fn input(&self, points: &PyReadonlyArray2<'_, f64>) -> PyResult<(DeformInput, Vec<String>)> {
+        if self.energy.is_some() {
+            return Err(InputError::new_err("a Deformer takes no energy of one's own; call deform"));
+        }
+        self.input_with(points, None)
+    }
+
+    /// With its points and perhaps an energy in the place of the material's; and what is odd about it.
+    fn input_with(
+        &self,
+        points: &PyReadonlyArray2<'_, f64>,
+        energy: Option<OwnEnergy>,
+    ) -> PyResult<(DeformInput, Vec<String>)> {
         let rest = self.mesh(points)?;
         let n = rest.n_verts();
         let same = |what: &str, array: &Option<PyReadonlyArray2<'_, f64>>| -> PyResult<Option<Vec<[f64; 3]>>> {
@@ -114,6 +129,7 @@ impl BodyInput<'_> {
             obstacles: handles.obstacles,
             groups: handles.groups,
             reference: same("reference", &self.reference)?,
+            energy,
             ..DeformInput::default()
         };
         Ok((input, handles.warnings))
@@ -133,7 +149,9 @@ pub fn deform<'py>(
     traced: bool,
 ) -> PyResult<(Bound<'py, PyAny>, Outcome)> {
     let settings = settings::deform(given(keywords)?)?;
-    let (input, mut warnings) = input.input(&points)?;
+    let own = input.energy.as_ref().map(Function::new).transpose()?.map(Arc::new);
+    let energy = own.clone().map(|own| OwnEnergy(own));
+    let (input, mut warnings) = input.input_with(&points, energy)?;
     let mut lines: Vec<TraceRow> = Vec::new();
     let solved = drive(py, &Listener { callback, cancel }, |link| {
         let mut on_progress = |p: &proxel::deform::Progress| link.tell(p.into());
@@ -147,6 +165,9 @@ pub fn deform<'py>(
         }
         solve(&input, &settings, &mut hooks)
     })?;
+    if let Some(error) = own.as_ref().and_then(|own| own.error()) {
+        return Err(error);
+    }
     let mut result = solved.map_err(refused)?;
     warnings.append(&mut result.report.warnings);
     result.report.warnings = warnings;
@@ -154,10 +175,12 @@ pub fn deform<'py>(
     arrays.set_item("reaction", table(py, result.reaction.clone())?)?;
     let positions = table(py, result.positions.clone())?;
     let mut report = std::mem::take(&mut result.report);
+    // Colours are those of the material's energy density.
+    let has_picture = own.is_none();
     let draw: Draw = Box::new(move || {
         let extras = extras(&input, &settings, &result).map_err(|e| e.to_string())?;
         Ok(draw_deformation(&input, settings.mixed, &result, &extras))
     });
     let trace = traced.then(|| trace(py, &lines)).transpose()?;
-    Ok((positions, Outcome::new(&mut report, &arrays, Some(draw))?.traced(trace)))
+    Ok((positions, Outcome::new(&mut report, &arrays, has_picture.then_some(draw))?.traced(trace)))
 }

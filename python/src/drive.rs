@@ -187,3 +187,13 @@ fn said(panic: &(dyn Any + Send)) -> &str {
 pub fn own<T>(lock: &mut Mutex<T>) -> &mut T {
     lock.get_mut().unwrap_or_else(PoisonError::into_inner)
 }
+
+/// `work` on threads that end with it. Those of rayon's global pool would not be there in a process that was forked.
+///
+/// # Errors
+/// Threads that cannot be started, and what `work` refuses.
+pub fn pooled<T: Send>(threads: Option<usize>, work: impl FnOnce() -> Result<T, String> + Send) -> Result<T, String> {
+    let threads = threads.unwrap_or_else(|| thread::available_parallelism().map_or(1, |n| n.get()));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|e| format!("{threads} threads cannot be started: {e}"))?.install(work)
+}

@@ -8,6 +8,7 @@ mod arrays;
 mod deform;
 mod deformer;
 mod drive;
+mod energy;
 mod error;
 mod geodesic;
 mod image;

@@ -1,6 +1,7 @@
 //! What is known of a run that is over.
 
 use crate::arrays::column;
+use crate::drive::pooled;
 use crate::error::{InputError, SolveError, refused};
 use proxel::preview::Image;
 use proxel::report::{Report, TraceRow, peak_bytes};
@@ -35,7 +36,8 @@ impl Outcome {
             let text = format!("{}: pictures are PNG files; give a name that ends in .png", path.display());
             return Err(InputError::new_err(text));
         }
-        py.detach(|| draw()?.write_png(&path).map_err(|e| e.to_string())).map_err(refused)
+        let written = py.detach(|| pooled(None, || draw()?.write_png(&path).map_err(|e| e.to_string())));
+        written.map_err(refused)
     }
 }
 

@@ -1,7 +1,7 @@
 //! `proxel.unwrap`.
 
 use crate::arrays::{self, Faces, numbers, rows};
-use crate::drive::{Cancel, Listener, drive};
+use crate::drive::{Cancel, Listener, drive, pooled};
 use crate::error::{InputError, refused};
 use crate::outcome::{Draw, Outcome, map_trace};
 use crate::settings::{given, merged};
@@ -82,8 +82,10 @@ pub fn unwrap<'py>(
         let mut result = solve(&input, &settings, &mut hooks).map_err(|e| e.to_string())?;
         if result.uv.coordinates.as_flattened().iter().all(|v| v.is_finite()) {
             let options = CertificateOptions { reversed_faces: result.charts.reversed_faces.clone() };
-            let found = certify(&input.mesh.points, &input.mesh.faces, &result.uv, &options);
-            result.certified(&found.map_err(|e| e.to_string())?, &input.mesh);
+            let (mesh, uv) = (&input.mesh, &result.uv);
+            let certify = || certify(&mesh.points, &mesh.faces, uv, &options).map_err(|e| e.to_string());
+            let found = pooled(settings.threads, certify)?;
+            result.certified(&found, mesh);
         }
         Ok::<_, String>(result)
     })?;

@@ -1,7 +1,7 @@
 //! `proxel.Unwrapper`.
 
 use crate::arrays::{self, Faces, rows};
-use crate::drive::{Cancel, Listener, Progress, drive, own};
+use crate::drive::{Cancel, Listener, Progress, drive, own, pooled};
 use crate::error::{InputError, SolveError, refused};
 use crate::outcome::{Draw, Outcome};
 use crate::settings::{given, merged};
@@ -100,7 +100,9 @@ impl Unwrapper {
             charts: live.charts().clone(),
         };
         let options = CertificateOptions { reversed_faces: result.charts.reversed_faces.clone() };
-        let found = certify(&mesh.points, &mesh.faces, &result.uv, &options).map_err(refused)?;
+        let uv = &result.uv;
+        let certify = || certify(&mesh.points, &mesh.faces, uv, &options).map_err(|e| e.to_string());
+        let found = py.detach(|| pooled(settings.threads, certify)).map_err(refused)?;
         result.certified(&found, mesh);
         let (uv, corners) = arrays::map(py, mesh, &result.uv)?;
         let (mesh, map) = (mesh.clone(), result.uv);

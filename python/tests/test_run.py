@@ -132,6 +132,24 @@ def test_several_threads_of_python_at_once():
         np.testing.assert_array_equal(job.result()[0], expected)
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_forked_process_solves_too(tmp_path):
+    """Threads of the parent are not there in a child; the package keeps none between calls."""
+    code = (
+        "import multiprocessing as m, sys, test_run as t, proxel\n"
+        "V, F = t.patch(12)\n"
+        "def run(_):\n"
+        "    uv, info = proxel.unwrap(V, F)\n"
+        "    info.save_preview(sys.argv[1])\n"
+        "    return uv.tobytes()\n"
+        "here = run(0)\n"
+        "with m.get_context('fork').Pool(2) as pool:\n"
+        "    assert pool.map(run, range(4)) == [here] * 4\n"
+    )
+    command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", code, str(tmp_path / "uv.png")]
+    subprocess.run(command, cwd=HERE, check=True, timeout=300)
+
+
 V, F = patch(4)
 T = beam((1, 1, 1))
 BAD = [
