@@ -1,8 +1,9 @@
 """Proxel minimises deformation energies under constraints.
 
-Arrays come in any type, order and as views, are never changed and never renumbered; what comes out is float64, and int32 for
-indices, in C order. Settings are given by keyword, with the names and defaults of the command line and the Rust library
-(`proxel.settings("unwrap")`). Python's lock is released while anything is solved, and Ctrl-C ends a run.
+Arrays come in any type, order and as views, are never changed and never renumbered; what comes out is float64, and
+int32 for indices, in C order. Settings are given by keyword, with the names and defaults of the command line and
+the Rust library (`proxel.settings("unwrap")`). Python's lock is released while anything is solved, and Ctrl-C ends
+a run.
 """
 
 from ._core import Cancel, InputError, Progress, SolveError, __version__

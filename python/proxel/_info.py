@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 class Trace:
-    """The history of a run: an array for each column of the trace of the command line, a row for each iteration from 0, the
-    start; `inf` where a number is not defined.
+    """The history of a run: an array for each column of the trace of the command line, a row for each iteration
+    from 0, the start; `inf` where a number is not defined.
 
-    Every run has `iteration`, `seconds`, `energy`, `gradient_norm`, `position_error`, `primal_residual`, `dual_residual`,
-    `merit`, `inner`, `refactorised`, `accepted` and `inverted`; maps have `flips` and `energy_z`, images `duality_gap` and
-    `psnr` too.
+    Every run has `iteration`, `seconds`, `energy`, `gradient_norm`, `position_error`, `primal_residual`,
+    `dual_residual`, `merit`, `inner`, `refactorised`, `accepted` and `inverted`; maps have `flips` and `energy_z`,
+    images `duality_gap` and `psnr` too.
     """
 
     iteration: NDArray[np.int64]
@@ -55,10 +55,11 @@ class Trace:
 
 
 class Info:
-    """The report of a run. Its attributes have the names of the keys of the command line's report, and None where one does
-    not apply: `status` ("converged", "stopped", "cancelled"), `reason`, `iterations`, `energy`, `gradient_ratio`, `inverted`,
-    `warnings`, `repaired`, `seconds`, `settings`, ...; of maps `flips`, `overlaps`, `charts`, ... Arrays that a function
-    returns beside its result are attributes too. `trace` is the history where it was asked for by `trace=True`.
+    """The report of a run. Its attributes have the names of the keys of the command line's report, and None where
+    one does not apply: `status` ("converged", "stopped", "cancelled"), `reason`, `iterations`, `energy`,
+    `gradient_ratio`, `inverted`, `warnings`, `repaired`, `seconds`, `settings`, ...; of maps `flips`, `overlaps`,
+    `charts`, ... Arrays that a function returns beside its result are attributes too. `trace` is the history where
+    it was asked for by `trace=True`.
     """
 
     version: str
@@ -100,7 +101,9 @@ class Info:
             for known in (self._report, self._arrays):
                 if name in known:
                     return known[name]
-        raise AttributeError(f"a report of {self._report['command']} has no `{name}`" if "_report" in self.__dict__ else name)
+        # An object that is being unpickled has no report yet.
+        command = self.__dict__.get("_report", {}).get("command")
+        raise AttributeError(f"a report of {command} has no `{name}`")
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self._report, *self._arrays})

@@ -14,8 +14,8 @@ T = TypeVar("T")
 class Job(Generic[T]):
     """A run in a thread of its own, which does not hold Python's lock while it solves.
 
-    `Job(proxel.unwrap, V, F, method="auto")` begins at once. Any function and method of the package that takes `callback` and
-    `cancel` can be run so; a `callback` of your own is called in that thread.
+    `Job(proxel.unwrap, V, F, method="auto")` begins at once. Any function and method of the package that takes
+    `callback` and `cancel` can be run so; a `callback` of your own is called in that thread.
 
         job = proxel.Job(proxel.unwrap, V, F)
         while not job.wait(0.1):
@@ -62,7 +62,8 @@ class Job(Generic[T]):
         return self.done
 
     def result(self, timeout: float | None = None) -> T:
-        """What the function returned, or raises what it raised. TimeoutError where it is not over after `timeout` seconds."""
+        """What the function returned, or raises what it raised. TimeoutError where it is not over after `timeout`
+        seconds."""
         if not self.wait(timeout):
             raise TimeoutError(f"the job is not over after {timeout} seconds; wait longer, or cancel it")
         if self._error is not None:

@@ -31,8 +31,9 @@ class Standing(NamedTuple):
 
 
 class Unwrapper:
-    """A map in the making: cut, started and analysed once, then moved by `step` and `solve`, and going on from where it is
-    after its pins or seams were changed. Arguments are those of `unwrap`; `bijective` and `max_stretch` need `unwrap`.
+    """A map in the making: cut, started and analysed once, then moved by `step` and `solve`, and going on from
+    where it is after its pins or seams were changed. Arguments are those of `unwrap`; `bijective` and `max_stretch`
+    need `unwrap`.
     """
 
     def __init__(
@@ -62,8 +63,8 @@ class Unwrapper:
         callback: Callback | None = None,
         cancel: Cancel | None = None,
     ) -> tuple[NDArray[np.float64], Info]:
-        """Steps until all charts have converged, or the settings' `max_iters` steps were taken: the map, as `unwrap` returns it.
-        `info.iterations` counts the steps of this call."""
+        """Steps until all charts have converged, or the settings' `max_iters` steps were taken: the map, as
+        `unwrap` returns it. `info.iterations` counts the steps of this call."""
         uv, corners, outcome = self._core.solve(time_limit, callback, cancel)
         return uv, finish(outcome, {"uv_faces": self._faces.restore(corners)})
 
@@ -78,7 +79,8 @@ class Unwrapper:
         self._core.update_handles(_arrays.targets(pins, targets, 2, ("pins", "targets")))
 
     def update_seams(self, seams: ArrayLike) -> None:
-        """Cuts along these edges (s, 2), and no others, besides what has to be cut; corners go on from where they are."""
+        """Cuts along these edges (s, 2), and no others, besides what has to be cut; corners go on from where they
+        are."""
         self._core.update_seams(_arrays.elements(seams, [2], "seams", "seam"))
 
     def map(self) -> tuple[NDArray[np.float64], Any]:
@@ -88,8 +90,8 @@ class Unwrapper:
 
 
 class Deformer:
-    """A body that is built once and then follows its handles: matrices are kept, and each `solve` begins where the last one
-    ended. Arguments are those of `deform`.
+    """A body that is built once and then follows its handles: matrices are kept, and each `solve` begins where the
+    last one ended. Arguments are those of `deform`.
     """
 
     def __init__(
@@ -134,8 +136,8 @@ class Deformer:
         center: Sequence[float] = (0.0, 0.0, 0.0),
         translation: Sequence[float] | None = None,
     ) -> None:
-        """Turns a group of pins, as it was when the body was built, by `angle` degrees around `axis` through `center`, and then
-        moves it. Pins that were given as indices are the group "pins"."""
+        """Turns a group of pins, as it was when the body was built, by `angle` degrees around `axis` through
+        `center`, and then moves it. Pins that were given as indices are the group "pins"."""
         turn = None if angle == 0.0 else ([float(a) for a in axis], float(angle), [float(c) for c in center])
         self._core.move_group(name, turn, None if translation is None else [float(t) for t in translation])
 
@@ -146,8 +148,8 @@ class Deformer:
         callback: Callback | None = None,
         cancel: Cancel | None = None,
     ) -> tuple[NDArray[np.float64], Info]:
-        """Goes on towards the minimum for the targets as they are, for no longer than `time_limit` seconds: positions of the
-        shape of V, and the info of this step."""
+        """Goes on towards the minimum for the targets as they are, for no longer than `time_limit` seconds:
+        positions of the shape of V, and the info of this step."""
         X, outcome = self._core.solve(time_limit, callback, cancel)
         return np.ascontiguousarray(X[:, : self._dim]), finish(outcome)
 

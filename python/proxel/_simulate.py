@@ -22,12 +22,13 @@ if TYPE_CHECKING:
 class Frame:
     """A frame: numbers, and each body as it stands.
 
-    Attributes are those of the frames of a report: `frame`, `time` (s), `kinetic`, `elastic`, `potential` (J), `momentum`,
-    `angular_momentum`, `iterations`, `max_penetration`, `max_strain_violation`, `contacts`, `inverted`, `status` ("start",
-    "converged", "stopped", ...), `reason`, `seconds`, ...
+    Attributes are those of the frames of a report: `frame`, `time` (s), `kinetic`, `elastic`, `potential` (J),
+    `momentum`, `angular_momentum`, `iterations`, `max_penetration`, `max_strain_violation`, `contacts`, `inverted`,
+    `status` ("start", "converged", "stopped", ...), `reason`, `seconds`, ...
 
-    `positions[name]` (n, 3) and `velocities[name]` (n, 3) are those of a body in the order of its mesh; `fields[name]` has what
-    is known of its vertices (displacement, forces of contact and reaction, ..), `cell_fields[name]` of its elements.
+    `positions[name]` (n, 3) and `velocities[name]` (n, 3) are those of a body in the order of its mesh;
+    `fields[name]` has what is known of its vertices (displacement, forces of contact and reaction, ..),
+    `cell_fields[name]` of its elements.
     """
 
     def __init__(self, record: dict[str, Any], bodies: list[dict[str, Any]], done: bool) -> None:
@@ -66,9 +67,9 @@ _WORSE = ("start", "converged", "stopped", "cancelled", "failed")
 class Simulator:
     """A scene, advanced frame by frame.
 
-    `scene` is the path of a .toml or .json file, or what it would hold as a dict; `proxel schema scene` prints all keys.
-    `frames`, `method`, `tol`, `max_iters` stand in the place of the scene's, `threads` beside them.
-    Raises InputError for what cannot be simulated, by name.
+    `scene` is the path of a .toml or .json file, or what it would hold as a dict; `proxel schema scene` prints all
+    keys. `frames`, `method`, `tol`, `max_iters` stand in the place of the scene's, `threads` beside them. Raises
+    InputError for what cannot be simulated, by name.
     """
 
     def __init__(self, scene: str | os.PathLike[str] | Mapping[str, Any], **settings: Any) -> None:
@@ -94,8 +95,9 @@ class Simulator:
         callback: Callback | None = None,
         cancel: Cancel | None = None,
     ) -> Frame:
-        """The next frame. One that is cancelled, or that `time_limit` seconds cut short, changes nothing: `done` is false, and
-        the simulation can go on from where it was. Raises SolveError where the frame failed; the state is then as before.
+        """The next frame. One that is cancelled, or that `time_limit` seconds cut short, changes nothing: `done` is
+        false, and the simulation can go on from where it was. Raises SolveError where the frame failed; the state
+        is then as before.
         """
         text, done = self._core.advance(time_limit, callback, cancel)
         record = json.loads(text)

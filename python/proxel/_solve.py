@@ -34,8 +34,9 @@ if TYPE_CHECKING:
 def settings(command: str, **settings: Any) -> dict[str, Any]:
     """All settings of a command, with those given in the place of defaults: what `--show-settings` prints.
 
-    `command` is "unwrap", "deform", "planarize", "wire", "shape", "geodesic", "deblur", "denoise", "inpaint" or "wavefront".
-    Raises InputError for a name that no setting has, with those that there are, and for a value of the wrong kind.
+    `command` is "unwrap", "deform", "planarize", "wire", "shape", "geodesic", "deblur", "denoise", "inpaint" or
+    "wavefront". Raises InputError for a name that no setting has, with those that there are, and for a value of the
+    wrong kind.
     """
     out: dict[str, Any] = json.loads(_core.settings(command, settings))
     return out
@@ -91,19 +92,19 @@ def unwrap(
 ) -> tuple[NDArray[np.float64], Info]:
     """Maps a surface into the plane with least distortion, without flips; what is closed is cut open along few seams.
 
-    `V` is (n, 3), or (n, 2) for a surface in the plane; `F` are triangles (m, 3), quads (m, 4) or a list of faces of any sizes.
-    `seams` (s, 2) are edges to cut along besides; `pins` (p,) are vertices that `targets` (p, 2) hold, in units of V;
-    `weights` (m,) say how much the distortion of a face counts; `metric` (m, 6) are target metrics xx, xy, xz, yy, yz, zz;
-    `start` is the map to begin with: (k, 2) where k = n, or a pair (uv, uv_faces).
+    `V` is (n, 3), or (n, 2) for a surface in the plane; `F` are triangles (m, 3), quads (m, 4) or a list of faces
+    of any sizes. `seams` (s, 2) are edges to cut along besides; `pins` (p,) are vertices that `targets` (p, 2)
+    hold, in units of V; `weights` (m,) say how much the distortion of a face counts; `metric` (m, 6) are target
+    metrics xx, xy, xz, yy, yz, zz; `start` is the map to begin with: (k, 2) where k = n, or a pair (uv, uv_faces).
 
-    Returns `uv` (k, 2) and the info, whose `uv_faces` has the shape of F and says which row of `uv` each corner has (-1 where a
-    face is not mapped). Where nothing was cut, k = n and `uv_faces` equals F; a vertex of no face then has NaN. Packed maps
-    fill the unit square (`pack=False` keeps units of V). `info.flips`, `info.overlaps` and the distortions are
-    measured on `uv` by exact predicates.
+    Returns `uv` (k, 2) and the info, whose `uv_faces` has the shape of F and says which row of `uv` each corner has
+    (-1 where a face is not mapped). Where nothing was cut, k = n and `uv_faces` equals F; a vertex of no face then
+    has NaN. Packed maps fill the unit square (`pack=False` keeps units of V). `info.flips`, `info.overlaps` and the
+    distortions are measured on `uv` by exact predicates.
 
-    `callback` is called with a `Progress` after every iteration of a large chart; what is true ends the run, as does `cancel`,
-    and `time_limit` in seconds. With `trace=True` the info has the history. Raises InputError for input that describes no map,
-    SolveError where a run failed, KeyboardInterrupt on Ctrl-C.
+    `callback` is called with a `Progress` after every iteration of a large chart; what is true ends the run, as
+    does `cancel`, and `time_limit` in seconds. With `trace=True` the info has the history. Raises InputError for
+    input that describes no map, SolveError where a run failed, KeyboardInterrupt on Ctrl-C.
 
     Brown and Narain 2021 (WRAPD), Rabinovich et al. 2017 (SLIM), Shtengel et al. 2017 (CM), and others by `method`.
     """
@@ -167,10 +168,11 @@ def body_input(
             raise InputError(f"springs: there are {len(where)} targets for {len(who)} vertices; give one for each")
         more["springs"] = (who, where, _arrays.vector(springs[2], len(who), "springs"))
     if obstacles is not None:
-        planes = [np.concatenate([_arrays.real(point, "obstacles"), _arrays.real(n, "obstacles")]) for point, n in obstacles]
+        planes = [np.concatenate([_arrays.real(v, "obstacles") for v in plane]) for plane in obstacles]
         more["obstacles"] = _arrays.table(np.array(planes), 6, "obstacles") if planes else None
     more["start"] = None if start is None else _padded(start, dim, "start")
-    more["regions"] = None if regions is None else np.ascontiguousarray(_arrays.real(regions, "regions"), dtype=np.int32)
+    numbers = None if regions is None else _arrays.real(regions, "regions")
+    more["regions"] = None if numbers is None else np.ascontiguousarray(numbers, dtype=np.int32)
     more["forces"] = None if forces is None else _padded(forces, dim, "forces")
     more["pressure"] = None if pressure is None else float(pressure)
     more["reference"] = None if reference is None else _padded(reference, dim, "reference")
@@ -220,23 +222,25 @@ def deform(
 ) -> tuple[NDArray[np.float64], Info]:
     """Finds positions of least elastic energy.
 
-    `V` is the rest shape (n, 3); `T` are tetrahedra (m, 4), triangles (m, 3) or edges (m, 2). Triangles that bound a body are
-    its skin, which a lattice of tetrahedra carries; otherwise they are a thin sheet (`surface="shell"` or "embed" says which).
-    With `V` (n, 2) all is in the plane.
+    `V` is the rest shape (n, 3); `T` are tetrahedra (m, 4), triangles (m, 3) or edges (m, 2). Triangles that bound
+    a body are its skin, which a lattice of tetrahedra carries; otherwise they are a thin sheet (`surface="shell"`
+    or "embed" says which). With `V` (n, 2) all is in the plane.
 
-    `pins` (p,) are vertices that `targets` (p, 3) hold, or their start where no targets are given; or the path of a pins file,
-    or its groups as a dict: `{"groups": {"hand": {"indices": [0, 1], "translate": [0, 1, 0]}}}`. `springs` are vertices,
-    targets and stiffnesses (force over length); `forces` (n, 3) act on vertices, `pressure` on all faces along their normals;
-    `obstacles` are pairs of a point and a normal, planes that vertices stay on the side of; `regions` (m,) choose from
-    `materials={1: {"young": 1e5}}`. `material` is a name or a dict; `young`, `poisson`, `mu` and `lambda_` may stand beside it.
-    `start` (n, 3) is where the iteration begins, `reference` what the position error is measured against.
+    `pins` (p,) are vertices that `targets` (p, 3) hold, or their start where no targets are given; or the path of a
+    pins file, or its groups as a dict: `{"groups": {"hand": {"indices": [0, 1], "translate": [0, 1, 0]}}}`.
+    `springs` are vertices, targets and stiffnesses (force over length); `forces` (n, 3) act on vertices, `pressure`
+    on all faces along their normals; `obstacles` are pairs of a point and a normal, planes that vertices stay on
+    the side of; `regions` (m,) choose from `materials={1: {"young": 1e5}}`. `material` is a name or a dict;
+    `young`, `poisson`, `mu` and `lambda_` may stand beside it. `start` (n, 3) is where the iteration begins,
+    `reference` what the position error is measured against.
 
-    `energy` is one of your own, of tetrahedra, in the place of the material's: a function of deformation gradients F (m, 3, 3), in
-    the order of T, that returns densities psi (m,) over rest volume and dpsi/dF (m, 3, 3). It needs `method="lbfgs"` or "bcqn";
-    the material's stiffness at rest preconditions. An attribute `barrier = True` says that psi is infinite where det F <= 0.
+    `energy` is one of your own, of tetrahedra, in the place of the material's: a function of deformation gradients
+    F (m, 3, 3), in the order of T, that returns densities psi (m,) over rest volume and dpsi/dF (m, 3, 3). It needs
+    `method="lbfgs"` or "bcqn"; the material's stiffness at rest preconditions. An attribute `barrier = True` says
+    that psi is infinite where det F <= 0.
 
-    Returns positions of the shape of V, pinned vertices bit for bit, and the info; `info.reaction` (n, 3) is the force that the
-    body exerts on what holds it. For `callback`, `cancel`, `trace` and errors see `unwrap`.
+    Returns positions of the shape of V, pinned vertices bit for bit, and the info; `info.reaction` (n, 3) is the
+    force that the body exerts on what holds it. For `callback`, `cancel`, `trace` and errors see `unwrap`.
 
     Brown and Narain 2021 (WRAPD), and others by `method`; `auto` goes on by Newton's method.
     """
@@ -271,7 +275,8 @@ def planarize(
     trace: bool = False,
     **settings: Unpack[ShapeSettings],
 ) -> tuple[NDArray[np.float64], Info]:
-    """Moves vertices until every face is planar, near to a reference surface (vertices and faces; the mesh as it comes).
+    """Moves vertices until every face is planar, near to a reference surface (vertices and faces; the mesh as it
+    comes).
 
     `V` is (n, 3), `F` quads (m, 4) or a list of faces of any sizes. Returns positions (n, 3) and the info:
     `info.planarity_max["after"]` over the mean edge, `info.planarity` (m,) of each face, `info.distance` (n,) from the
@@ -294,12 +299,13 @@ def wire(
     trace: bool = False,
     **settings: Unpack[WireSettings],
 ) -> tuple[NDArray[np.float64], Info]:
-    """Moves vertices until all edges have one length (`edge_length`; the mean of the mesh) and the angles of faces are within
-    `min_angle` and `max_angle`, in degrees, near to a reference surface.
+    """Moves vertices until all edges have one length (`edge_length`; the mean of the mesh) and the angles of faces
+    are within `min_angle` and `max_angle`, in degrees, near to a reference surface.
 
-    Returns positions (n, 3) and the info: `info.edge_error_max["after"]`, `info.angle_error_max["after"]`, and of each face
-    `info.edge_error`, `info.angle_error`. With `subdivide=k` faces are first made quads, k times; `info.faces` (m', 4) are
-    those that the positions are of. For `callback`, `cancel`, `trace` and errors see `unwrap`.
+    Returns positions (n, 3) and the info: `info.edge_error_max["after"]`, `info.angle_error_max["after"]`, and of
+    each face `info.edge_error`, `info.angle_error`. With `subdivide=k` faces are first made quads, k times;
+    `info.faces` (m', 4) are those that the positions are of. For `callback`, `cancel`, `trace` and errors see
+    `unwrap`.
 
     Garg et al. 2014; Zhang, Peng, Ouyang and Deng 2019, section 4.2.
     """
@@ -322,10 +328,10 @@ def shape(
 ) -> tuple[NDArray[np.float64], Info]:
     """Moves vertices until the constraints of a recipe hold, hard ones exactly, soft ones by their weights.
 
-    `recipe` is the path of a .toml or .json file, or what it would hold as a dict:
-    `{"constraint": [{"kind": "planar"}, {"kind": "near", "weight": 1}]}`; the mesh is V and F whatever it names. `proxel
-    schema recipe` prints all keys. Returns positions (n, 3) and the info, whose `constraints` say how far each was off before
-    and after. For `callback`, `cancel`, `trace` and errors see `unwrap`.
+    `recipe` is the path of a .toml or .json file, or what it would hold as a dict: `{"constraint": [{"kind":
+    "planar"}, {"kind": "near", "weight": 1}]}`; the mesh is V and F whatever it names. `proxel schema recipe`
+    prints all keys. Returns positions (n, 3) and the info, whose `constraints` say how far each was off before and
+    after. For `callback`, `cancel`, `trace` and errors see `unwrap`.
     """
     mesh, _ = _mesh(V, F, ("V", "F"))
     what = os.fspath(recipe) if isinstance(recipe, (str, os.PathLike)) else recipe
@@ -345,8 +351,9 @@ def geodesic(
 ) -> tuple[NDArray[np.float64], Info]:
     """Distances along a surface from the nearest of some source vertices, by the heat method.
 
-    Returns distances (n,) in units of V, `inf` where no path leads, and the info. The system of `method="poisson"`, which
-    `auto` is, has no iterations to call back after. For `callback`, `cancel`, `trace` and errors see `unwrap`.
+    Returns distances (n,) in units of V, `inf` where no path leads, and the info. The system of `method="poisson"`,
+    which `auto` is, has no iterations to call back after. For `callback`, `cancel`, `trace` and errors see
+    `unwrap`.
 
     Crane, Weischedel and Wardetzky 2013; Tao, Zhang, Deng and Peng 2019 (`admm`, `aa-admm`).
     """
@@ -408,13 +415,14 @@ def deblur(
 ) -> tuple[NDArray[np.float64], Info]:
     """Sharpens a blurred, noisy image by least total variation.
 
-    `image` is (h, w) or (h, w, channels), linear, of any scale (pictures expect 0 to 1); `psf` are weights (h, w) around
-    `psf_center` (row and column; the middle), or "gaussian:S", "motion:LENGTH,ANGLE", "disk:R" in pixels; `mask` (h, w) is not
-    0 where a pixel was measured; `truth` is only measured against (`info.psnr`). `lambda_` weighs fidelity; without it one is
-    chosen by an estimate of the risk (`info.lambda` is read by `getattr(info, "lambda")`).
+    `image` is (h, w) or (h, w, channels), linear, of any scale (pictures expect 0 to 1); `psf` are weights (h, w)
+    around `psf_center` (row and column; the middle), or "gaussian:S", "motion:LENGTH,ANGLE", "disk:R" in pixels;
+    `mask` (h, w) is not 0 where a pixel was measured; `truth` is only measured against (`info.psnr`). `lambda_`
+    weighs fidelity; without it one is chosen by an estimate of the risk (`info.lambda` is read by `getattr(info,
+    "lambda")`).
 
-    Returns an image of the same shape and the info; `info.relative_gap` bounds how far it is from the minimum. For `callback`,
-    `cancel`, `trace` and errors see `unwrap`.
+    Returns an image of the same shape and the info; `info.relative_gap` bounds how far it is from the minimum. For
+    `callback`, `cancel`, `trace` and errors see `unwrap`.
 
     Rudin, Osher and Fatemi 1992; Almeida and Figueiredo 2013; Zhang, Peng, Ouyang and Deng 2019, section 4.3.
     """
@@ -459,8 +467,8 @@ def wavefront(
 ) -> tuple[NDArray[np.float64], Info]:
     """The wavefront phi that a coded sensor has seen: captured(p + grad phi(p)) = reference(p) at every pixel p.
 
-    Both images are (h, w) or (h, w, channels), of one size, 16 pixels at least. Returns phi (h, w) of mean 0, in square pixels
-    times `scale`, and the info. For `callback`, `cancel`, `trace` and errors see `unwrap`.
+    Both images are (h, w) or (h, w, channels), of one size, 16 pixels at least. Returns phi (h, w) of mean 0, in
+    square pixels times `scale`, and the info. For `callback`, `cancel`, `trace` and errors see `unwrap`.
 
     Zhang, Peng, Ouyang and Deng 2019, section 4.3.
     """

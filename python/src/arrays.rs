@@ -43,8 +43,8 @@ pub fn surface(points: &PyReadonlyArray2<'_, f64>, faces: &Faces<'_>) -> PyResul
     Ok(Mesh { name: MESH.to_string(), points: rows(points)?, faces: polygons(faces)?, ..Mesh::default() })
 }
 
-/// A map as coordinates (k, 2) and which of them each corner has, -1 for none: `shared` where no vertex has two, so that
-/// they are numbered as the vertices are, NaN where no face is.
+/// A map as coordinates (k, 2) and which of them each corner has, -1 for none: `shared` where no vertex has two, so
+/// that they are numbered as the vertices are, NaN where no face is.
 pub fn map<'py>(py: Python<'py>, mesh: &Mesh, map: &UvMap) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let index = |c: u32| if c == UvMap::NONE { -1 } else { i32::try_from(c).unwrap_or(i32::MAX) };
     let (coordinates, corners) = match per_vertex(mesh, map) {

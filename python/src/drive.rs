@@ -182,8 +182,8 @@ fn said(panic: &(dyn Any + Send)) -> &str {
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("a panic without a message")
 }
 
-/// What a lock of our own guards: a class of Python has to be shareable, what it wraps is not. Who has the class exclusively
-/// has what it wraps.
+/// What a lock of our own guards: a class of Python has to be shareable, what it wraps is not. Who has the class
+/// exclusively has what it wraps.
 pub fn own<T>(lock: &mut Mutex<T>) -> &mut T {
     lock.get_mut().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,8 +1,8 @@
 //! The Python package `proxel`: the facade crate for numpy.
 //!
-//! This module converts and never computes. Arrays come in as the pure Python layer (`python/proxel`) has made them:
-//! contiguous, of 64-bit floats and 32-bit indices. Settings are the serialised settings of the facade with the caller's
-//! in their places; a run is driven by [`drive::drive`], without Python's lock and where Ctrl-C is heard.
+//! This module converts and never computes. Arrays come in as the pure Python layer (`python/proxel`) has made
+//! them: contiguous, of 64-bit floats and 32-bit indices. Settings are the serialised settings of the facade with
+//! the caller's in their places; a run is driven by `drive`, without Python's lock and where Ctrl-C is heard.
 
 mod arrays;
 mod deform;

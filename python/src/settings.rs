@@ -129,7 +129,8 @@ fn named<T: DeserializeOwned + Default>(given: &Given, name: &str) -> PyResult<T
     }
 }
 
-/// Of `deform`. `material` may be a name, and `young`, `poisson`, `mu` and `lambda` stand beside it, as on the command line.
+/// Of `deform`. `material` may be a name, and `young`, `poisson`, `mu` and `lambda` stand beside it, as on the
+/// command line.
 pub fn deform(mut given: Given) -> PyResult<DeformSettings> {
     let mut material = match given.remove("material") {
         Some(Value::String(name)) => Map::from_iter([("energy".to_string(), Value::String(name))]),
@@ -179,8 +180,8 @@ pub fn settings(command: &str, keywords: &Bound<'_, PyDict>) -> PyResult<String>
         "deblur" | "denoise" | "inpaint" => text(&merged(&RestoreSettings::default(), given)?),
         "wavefront" => text(&merged(&WavefrontSettings::default(), given)?),
         other => Err(InputError::new_err(format!(
-            "there are no settings of `{other}`; known are unwrap, deform, planarize, wire, shape, geodesic, deblur, denoise, \
-             inpaint and wavefront"
+            "there are no settings of `{other}`; known are unwrap, deform, planarize, wire, shape, geodesic, deblur, \
+             denoise, inpaint and wavefront"
         ))),
     }
 }

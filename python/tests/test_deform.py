@@ -87,7 +87,8 @@ def test_types_orders_and_views_give_the_same(body):
     for kind in (np.uint8, np.int16, np.uint64, np.float32):
         view = np.asfortranarray(V)
         view.setflags(write=False)
-        X, _ = proxel.deform(view, np.asfortranarray(T.astype(kind)), pins=pins.astype(kind), targets=targets[:, ::-1][:, ::-1])
+        tets, places = np.asfortranarray(T.astype(kind)), targets[:, ::-1][:, ::-1]
+        X, _ = proxel.deform(view, tets, pins=pins.astype(kind), targets=places)
         np.testing.assert_array_equal(X, expected)
     assert (proxel.deform(V, T, pins=pins, targets=targets, threads=1)[0] == expected).all()
 
@@ -125,7 +126,8 @@ def test_surfaces_and_the_plane():
     from conftest import patch, sphere
 
     V, F = sphere()
-    X, info = proxel.deform(V, F, pins=[0, 1], targets=[[1.3, 0, 0], [-1.3, 0, 0]], resolution=8, method="wrapd", tol=1e-4)
+    settings = {"resolution": 8, "method": "wrapd", "tol": 1e-4}
+    X, info = proxel.deform(V, F, pins=[0, 1], targets=[[1.3, 0, 0], [-1.3, 0, 0]], **settings)
     assert info.lattice["nodes"] > 0 and X.shape == V.shape
     V, F = patch(8, 0.0)
     edge = np.flatnonzero(np.abs(V[:, 0]) == 1)

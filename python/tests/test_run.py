@@ -63,7 +63,8 @@ def test_a_time_limit_keeps_the_best_so_far():
 def test_ctrl_c():
     """In a process of its own, with the default handler, without a callback."""
     code = "import test_run; print('begun', flush=True); test_run.long_run()"
-    run = subprocess.Popen([sys.executable, "-c", code], cwd=HERE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command, pipe = [sys.executable, "-c", code], subprocess.PIPE
+    run = subprocess.Popen(command, cwd=HERE, stdout=pipe, stderr=pipe, text=True)
     assert run.stdout.readline() == "begun\n"
     time.sleep(0.5)
     assert run.poll() is None
@@ -253,10 +254,11 @@ def test_types():
     root = HERE.parent
     run = subprocess.run([sys.executable, "-m", "mypy", "proxel"], cwd=root, capture_output=True, text=True)
     assert run.returncode == 0, run.stdout
-    good = "import numpy as np, proxel\nuv, info = proxel.unwrap(np.eye(3), [[0, 1, 2]], tol=1e-6)\ns: str = info.status\n"
-    wrong = "import numpy as np, proxel\nuv, info = proxel.unwrap(np.eye(3), [[0, 1, 2]], tlo=1e-6)\n"
+    call = "import numpy as np, proxel\nuv, info = proxel.unwrap(np.eye(3), [[0, 1, 2]], %s)\ns: str = info.status\n"
+    good, wrong = call % "tol=1e-6", call % "tlo=1e-6"
     for text, ok in ((good, True), (wrong, False)):
-        run = subprocess.run([sys.executable, "-m", "mypy", "--config-file=", "-c", text], cwd=root, capture_output=True, text=True)
+        command = [sys.executable, "-m", "mypy", "--config-file=", "-c", text]
+        run = subprocess.run(command, cwd=root, capture_output=True, text=True)
         assert (run.returncode == 0) == ok, run.stdout
 
 

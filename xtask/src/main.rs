@@ -1,7 +1,7 @@
 //! Chores of the workspace, run as `cargo xtask NAME`: tests, lints, the demo, reproductions.
 //!
-//! They need nothing but cargo, and python3 where they are about the Python package. What a chore runs is printed before it runs, and the exit status of what failed
-//! is passed on.
+//! They need nothing but cargo, and python3 where they are about the Python package. What a chore runs is printed
+//! before it runs, and the exit status of what failed is passed on.
 
 mod dist;
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! An energy of one's own over tetrahedra: a function of deformation gradients, for methods that ask for energies and gradients
-//! only.
+//! An energy of one's own over tetrahedra: a function of deformation gradients, for methods that ask for energies
+//! and gradients only.
 
 use super::DeformError;
 use super::elements::Cells;
@@ -15,8 +15,8 @@ pub type Matrix = [[f64; 3]; 3];
 ///
 /// It is asked for all tetrahedra at once, in the order of the mesh.
 pub trait ElementEnergy: Send + Sync {
-    /// values <- psi(F), stresses <- d psi / d F. Where psi is infinite or cannot be computed the value is not finite, and the
-    /// stress counts for nothing.
+    /// values <- psi(F), stresses <- d psi / d F. Where psi is infinite or cannot be computed the value is not
+    /// finite, and the stress counts for nothing.
     fn evaluate(&self, gradients: &[Matrix], values: &mut [f64], stresses: &mut [Matrix]);
 
     /// Whether psi is infinite where det F <= 0, so that no solution has an inverted element.
@@ -58,8 +58,8 @@ pub(super) fn check(name: &str, filled: bool, kinds: &[Cells], settings: &Deform
     }
 }
 
-/// A term whose energy is one's own. Its stiffness, and with it the matrix that preconditions, is that of `like`, a batch of the
-/// same elements with a material.
+/// A term whose energy is one's own. Its stiffness, and with it the matrix that preconditions, is that of `like`, a
+/// batch of the same elements with a material.
 pub(super) struct OwnTerm {
     like: Box<dyn Term>,
     energy: OwnEnergy,

@@ -7,8 +7,8 @@ use proxel_mesh::uv::Certificate;
 use proxel_split::Status;
 
 impl Unwrapped {
-    /// Puts what was found in a map, as it is handed on, into the report. One with flips has not converged, whatever the run
-    /// says, nor has one with overlaps where there were to be none.
+    /// Puts what was found in a map, as it is handed on, into the report. One with flips has not converged,
+    /// whatever the run says, nor has one with overlaps where there were to be none.
     pub fn certified(&mut self, c: &Certificate, mesh: &Mesh) {
         let bijective = self.report.settings["bijective"] == true;
         let d = &c.distortion;
