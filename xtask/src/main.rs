@@ -1,8 +1,9 @@
 //! Chores of the workspace, run as `cargo xtask NAME`: tests, lints, the demo, reproductions.
 //!
-//! They need nothing but cargo. What a chore runs is printed before it runs, and the exit status of what failed
-//! is passed on.
+//! They need nothing but cargo, and python3 where they are about the Python package. What a chore runs is printed
+//! before it runs, and the exit status of what failed is passed on.
 
+mod dist;
 #[cfg(test)]
 mod rules;
 mod run;
@@ -21,8 +22,11 @@ Chores:
   lint                    formatting, clippy and the documentation, warnings being errors
   demo [ARGS]             proxel demo, as released
   repro NAME --out DIR    a reproduction of a published table or figure; --help lists them
+  dist [--wheel] --out DIR  the wheel of the Python package, and without --wheel the command, as released
+  python [ARGS]           builds the wheel and runs its tests by pytest, with these arguments
   help                    this text
 
+PYTHON names the Python to be used instead of python3; what else is needed comes from PyPI into the target folder.
 PROXEL_DATA names the folder with quasistatic/, parameterization/, .. that tests and reproductions on real
 models read. Without it those tests are skipped.";
 
@@ -35,6 +39,8 @@ fn main() -> ExitCode {
         "lint" => none(&rest).and_then(|()| lint()),
         "demo" => run::proxel(["demo"]).args(rest).run(),
         "repro" => cargo(["run", "--release", "--package", "proxel-bench", "--bin", "repro", "--"]).args(rest).run(),
+        "dist" => dist::dist(&rest),
+        "python" => dist::python(&rest),
         "help" | "--help" | "-h" => {
             println!("{HELP}");
             Ok(())

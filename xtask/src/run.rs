@@ -1,7 +1,7 @@
 //! Running other programs.
 
 use std::ffi::{OsStr, OsString};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, ExitStatus};
 
 /// Bad usage, as in `proxel`.
@@ -46,6 +46,14 @@ pub fn cargo<const N: usize>(args: [&str; N]) -> Step {
     Step(command)
 }
 
+/// Another program with these arguments.
+pub fn program<const N: usize>(program: &OsStr, args: [&str; N]) -> Step {
+    let mut command = Command::new(program);
+    command.args(args).current_dir(root());
+    command.env_remove("CARGO_MANIFEST_DIR");
+    Step(command)
+}
+
 /// The command proxel as released, with these arguments.
 pub fn proxel<const N: usize>(args: [&str; N]) -> Step {
     cargo(["run", "--release", "--quiet", "--package", "proxel-cli", "--"]).args(args)
@@ -67,7 +75,8 @@ impl Step {
     /// The command line, to show.
     pub fn line(&self) -> String {
         let words = self.0.get_args().map(OsStr::to_string_lossy);
-        std::iter::once("cargo".into()).chain(words).collect::<Vec<_>>().join(" ")
+        let program = Path::new(self.0.get_program()).file_stem().unwrap_or_default().to_string_lossy();
+        std::iter::once(program).chain(words).collect::<Vec<_>>().join(" ")
     }
 
     /// Runs it and waits.

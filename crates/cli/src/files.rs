@@ -84,11 +84,3 @@ pub fn write_trace(path: &Path, rows: &[TraceRow]) -> Result<(), Refusal> {
     let lines: Vec<String> = rows.iter().map(TraceRow::to_csv).collect();
     write_text(path, &format!("{}\n{}\n", TraceRow::HEADER, lines.join("\n")))
 }
-
-/// The largest resident memory of this process so far, where the system tells.
-pub fn peak_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(1024 * kib)
-}

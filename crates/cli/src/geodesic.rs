@@ -7,13 +7,13 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use proxel::geodesic::{Geodesic, Hooks, geodesic};
 use proxel::preview::draw_distances;
-use proxel::report::TraceRow;
+use proxel::report::{TraceRow, peak_bytes};
 use proxel::settings::{GeodesicMethod, GeodesicSettings, GradientForm};
 use proxel_mesh::topology::surface;
 use proxel_mesh::{Fields, Format, Mesh, not_carried, read_mesh_lenient, write_mesh};
 
 use crate::args::{RunArgs, show_settings};
-use crate::files::{Outputs, peak_bytes, write_report, write_text, write_trace};
+use crate::files::{Outputs, write_report, write_text, write_trace};
 use crate::interrupt::{Interrupt, exit_status};
 use crate::refusal::Refusal;
 

@@ -23,7 +23,6 @@ mod geodesic;
 mod imaging;
 mod info;
 mod interrupt;
-mod picture;
 mod progress;
 mod refusal;
 mod replay;

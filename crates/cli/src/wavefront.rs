@@ -8,13 +8,13 @@ use clap::builder::PossibleValuesParser;
 use proxel::imaging::io::{Depth, Format, ImageFile, encode, read_image};
 use proxel::imaging::wavefront::{MOST_COEFFICIENTS, Plane, SimulateSettings, coefficients, simulate};
 use proxel::imaging::{Image, ImageError};
-use proxel::report::TraceRow;
+use proxel::report::{TraceRow, peak_bytes};
 use proxel::settings::{WavefrontMethod, WavefrontSettings};
 use proxel::wavefront::{Hooks, Wavefront, draw_wavefront, measure, wavefront};
 use proxel_mesh::atomic_write;
 
 use crate::args::{RunArgs, show_settings};
-use crate::files::{Outputs, peak_bytes, write_report, write_trace};
+use crate::files::{Outputs, write_report, write_trace};
 use crate::interrupt::{Interrupt, exit_status};
 use crate::refusal::Refusal;
 

@@ -6,14 +6,14 @@ use std::time::{Duration, Instant};
 
 use proxel::deform::{Deformer, Frame, Hooks, Progress};
 use proxel::keyframes::{Animation, KeyframeFile};
-use proxel::report::{Report, Seconds, TraceRow};
+use proxel::report::{Report, Seconds, TraceRow, peak_bytes};
 use proxel::settings::DeformSettings;
 use proxel::split::Status;
 use proxel_mesh::{Fields, Format, MOST_GLTF_FRAMES, MeshError, check_series_output, write_series};
 use serde::Serialize;
 
 use super::run::Inputs;
-use crate::files::{Outputs, peak_bytes, write_report, write_text};
+use crate::files::{Outputs, write_report, write_text};
 use crate::interrupt::{CANCELLED, Interrupt};
 use crate::progress::Bar;
 use crate::refusal::Refusal;

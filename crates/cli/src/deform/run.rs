@@ -3,19 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use proxel::deform::{DeformInput, Deformation, Hooks, Progress, deform, extras};
+use proxel::deform::{DeformInput, Deformation, Hooks, Progress, deform, draw_deformation, extras};
 use proxel::pins::{HalfSpace, Handles, PinFile};
 use proxel::problem_file::ProblemFile;
-use proxel::report::TraceRow;
+use proxel::report::{TraceRow, peak_bytes};
 use proxel::settings::DeformSettings;
 use proxel::split::Status;
 use proxel_mesh::{Mesh, not_carried, read_mesh, read_points, write_mesh};
 
 use super::{DeformArgs, Outlets, animate};
 use crate::args::show_settings;
-use crate::files::{Outputs, peak_bytes, write_report, write_trace};
+use crate::files::{Outputs, write_report, write_trace};
 use crate::interrupt::{Interrupt, exit_status};
-use crate::picture;
 use crate::progress::Bar;
 use crate::refusal::Refusal;
 
@@ -135,7 +134,7 @@ impl Files {
             written.push(path.display().to_string());
         }
         if let Some(path) = &self.preview {
-            picture::of_deformation(input, settings.mixed, result, &extras).write_png(path)?;
+            draw_deformation(input, settings.mixed, result, &extras).write_png(path)?;
             written.push(path.display().to_string());
         }
         Ok(written)

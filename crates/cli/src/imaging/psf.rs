@@ -10,18 +10,8 @@ use crate::refusal::Refusal;
 /// gaussian:S, motion:LENGTH,ANGLE, disk:R, or a file.
 pub fn parse(text: &str, center: Option<&str>) -> Result<Psf, Refusal> {
     let center = center.map(parse_center).transpose()?;
-    let named = text.split_once(':').filter(|(name, _)| ["gaussian", "motion", "disk"].contains(name));
-    let Some((name, numbers)) = named else { return read(Path::new(text), center) };
-    let parsed: Option<Vec<f64>> = numbers.split(',').map(|n| n.trim().parse().ok()).collect();
-    let psf = match (name, parsed.as_deref()) {
-        ("gaussian", Some([s])) => Psf::gaussian(*s)?,
-        ("disk", Some([r])) => Psf::disk(*r)?,
-        ("motion", Some([length, angle])) => Psf::motion(*length, *angle)?,
-        _ => {
-            let text = format!("--psf {text}: give gaussian:S, motion:LENGTH,ANGLE or disk:R, such as gaussian:1.6");
-            return Err(Refusal::new(text));
-        }
-    };
+    let Some(psf) = Psf::named(text) else { return read(Path::new(text), center) };
+    let psf = psf.map_err(|e| Refusal::new(format!("--psf {text}: {e}")))?;
     match center {
         Some(_) => Ok(Psf::new(psf.width, psf.height, psf.weights, center)?),
         None => Ok(psf),

@@ -6,13 +6,14 @@ use std::time::Instant;
 use proxel::imaging::io::{ImageFile, read_image};
 use proxel::imaging::restore::psnr;
 use proxel::imaging::{Image, Psf};
+use proxel::report::peak_bytes;
 use proxel::restore::{Hooks, Input, RestoreRow, Restored, draw_restored, restore};
 use proxel::settings::RestoreSettings;
 
 use super::args::{DeblurArgs, DenoiseArgs, InpaintArgs, RestoreArgs};
 use super::psf;
 use crate::args::show_settings;
-use crate::files::{Outputs, peak_bytes, write_report, write_text};
+use crate::files::{Outputs, write_report, write_text};
 use crate::interrupt::{Interrupt, exit_status};
 use crate::progress::Bar;
 use crate::refusal::Refusal;

@@ -11,7 +11,6 @@ use super::ReplayArgs;
 use crate::files::{Outputs, write_report, write_text};
 use crate::interrupt::{Interrupt, exit_status};
 use crate::refusal::Refusal;
-use crate::simulate::report;
 
 /// A report, and all that is known of the frame.
 #[derive(Serialize)]
@@ -91,7 +90,7 @@ pub fn run(args: &ReplayArgs, mut scene: SceneFile, state: State) -> Result<u8, 
         let seconds = Seconds { read: 0.0, setup, solve, write: began.elapsed().as_secs_f64() };
         let end = (record.status.as_str(), record.reason.as_str());
         let whole =
-            WholeReport { report: report(&simulation, std::slice::from_ref(&record), end, seconds), frames: [&record] };
+            WholeReport { report: simulation.report(std::slice::from_ref(&record), end, seconds), frames: [&record] };
         write_report(path, &whole)?;
         written.push(path);
     }

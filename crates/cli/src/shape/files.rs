@@ -4,14 +4,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use proxel::deform::{Hooks, Progress};
-use proxel::report::TraceRow;
-use proxel::shape::{Change, ShapeError, ShapeInput, Shaped};
+use proxel::report::{TraceRow, peak_bytes};
+use proxel::shape::{Change, ShapeError, ShapeInput, Shaped, draw_shaped};
 use proxel::split::Status;
 use proxel_mesh::{Fields, Mesh, not_carried, write_mesh};
 
-use super::picture;
 use crate::args::SolveArgs;
-use crate::files::{Outputs, peak_bytes, write_report, write_trace};
+use crate::files::{Outputs, write_report, write_trace};
 use crate::interrupt::{Interrupt, exit_status};
 use crate::progress::Bar;
 use crate::refusal::Refusal;
@@ -69,7 +68,7 @@ pub fn run(
         written.push(out.clone());
     }
     if let Some(path) = common.preview.as_ref().filter(|_| !failed) {
-        picture::of(&input.mesh, &mesh, &result.faces).write_png(path)?;
+        draw_shaped(&input.mesh, &mesh, &result.faces).write_png(path)?;
         written.push(path.clone());
     }
     if let Some(path) = &common.trace {

@@ -1,7 +1,6 @@
 //! `proxel planarize`, `proxel wire` and `proxel shape`: meshes under geometric constraints.
 
 mod files;
-mod picture;
 mod planarize;
 mod recipe;
 mod wire;

@@ -8,7 +8,7 @@ use proxel::report::{Report, Seconds, TraceRow};
 use proxel::shape::recipe_schema;
 use proxel::simulate::{Folder, FrameRecord, Hooks, Progress, SceneFile, Simulation, State, schema as scene_schema};
 
-use super::{SchemaArgs, SimulateArgs, report};
+use super::{SchemaArgs, SimulateArgs};
 use crate::files::{Outputs, write_text};
 use crate::interrupt::{Interrupt, exit_status};
 use crate::progress::Bar;
@@ -208,6 +208,6 @@ impl Run<'_> {
     fn report(&self, folder: &Folder, status: &str, reason: &str) -> Report {
         let solve = (self.seconds() - self.setup - self.written).max(0.0);
         let seconds = Seconds { read: 0.0, setup: self.setup, solve, write: self.written };
-        report(&self.simulation, folder.records(), (status, reason), seconds)
+        self.simulation.report(folder.records(), (status, reason), seconds)
     }
 }

@@ -3,7 +3,6 @@
 mod args;
 mod lists;
 mod original;
-mod pictures;
 mod run;
 
 pub use args::UnwrapArgs;

@@ -3,17 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use proxel::report::MapReport;
+use proxel::report::peak_bytes;
 use proxel::settings::UnwrapSettings;
-use proxel::split::Status;
-use proxel::unwrap::{Hooks, MapRow, Progress, UnwrapInput, Unwrapped, unwrap};
-use proxel_mesh::uv::{Certificate, read_uv, require_uv_format, seams_of};
-use proxel_mesh::{Mesh, read_mesh_lenient};
+use proxel::unwrap::{Hooks, MapPictures, MapRow, Progress, UnwrapInput, Unwrapped, unwrap};
+use proxel_mesh::uv::{read_uv, require_uv_format, seams_of};
+use proxel_mesh::{Mesh, read_mesh_lenient, write_mesh};
 
-use super::pictures::Pictures;
 use super::{UnwrapArgs, lists, original};
 use crate::args::show_settings;
-use crate::files::{Outputs, peak_bytes, write_report, write_text};
+use crate::files::{Outputs, write_report, write_text};
 use crate::interrupt::{Interrupt, exit_status};
 use crate::progress::Bar;
 use crate::refusal::Refusal;
@@ -149,7 +147,7 @@ impl Job<'_> {
         if kept {
             let certificate = original::write_map(self.source, &self.files.out, mesh, &mut result)?;
             written.push(self.files.out.display().to_string());
-            certified(&mut result, &certificate, mesh);
+            result.certified(&certificate, mesh);
             self.draw(mesh, &result, &mut written)?;
         }
         if let Some(path) = &self.files.trace {
@@ -177,62 +175,12 @@ impl Job<'_> {
             return Ok(());
         }
         let packed = result.report.map.as_ref().is_some_and(|m| m.density.is_some());
-        let pictures = Pictures::new(mesh, result, packed);
-        map.as_ref().map_or(Ok(()), |path| pictures.map(path))?;
-        surface.as_ref().map_or(Ok(()), |path| pictures.surface(path))?;
-        heat.as_ref().map_or(Ok(()), |path| pictures.heat(path))?;
+        let pictures = MapPictures::new(mesh, &result.uv, packed);
+        map.as_ref().map_or(Ok(()), |path| pictures.map().write_png(path))?;
+        surface.as_ref().map_or(Ok(()), |path| pictures.surface().write_png(path))?;
+        heat.as_ref().map_or(Ok(()), |path| write_mesh(path, mesh, &pictures.heat()?))?;
         written.extend([map, surface, heat].into_iter().flatten().map(|path| path.display().to_string()));
         Ok(())
-    }
-}
-
-/// Puts what was found in the file into the report; a map with flips has not converged, whatever the run says, nor has one
-/// with overlaps where there were to be none.
-fn certified(result: &mut Unwrapped, c: &Certificate, mesh: &Mesh) {
-    let bijective = result.report.settings["bijective"] == true;
-    let d = &c.distortion;
-    let before = result.report.map.take().unwrap_or_default();
-    result.report.inverted = Some((c.flips + c.zero_area) as u64);
-    result.report.energy = d.energy.is_finite().then_some(d.energy);
-    let map = MapReport {
-        flips: c.flips,
-        zero_area: c.zero_area,
-        overlaps: c.overlaps.triangle_pairs,
-        boundary_crossings: c.overlaps.boundary_crossings,
-        charts: c.charts,
-        seam_length: c.relative_seam_length,
-        packing: c.packing,
-        unmapped_faces: c.unmapped_faces,
-        l2_stretch: d.l2_stretch,
-        linf_stretch: d.max_stretch,
-        conformal_distortion: d.conformal_mean,
-        conformal_distortion_max: d.conformal_max,
-        area_distortion: d.area_mean,
-        area_distortion_max: d.area_max,
-        ..before
-    };
-    result.report.map = Some(map);
-    if c.overlaps.triangle_pairs > 0 {
-        result.report.warnings.push(format!(
-            "{}: the map overlaps itself: {} pairs of triangles meet, as of the faces {} and {} (0-based)",
-            mesh.name,
-            c.overlaps.triangle_pairs,
-            c.overlaps.faces.first().map_or(0, |f| f[0]),
-            c.overlaps.faces.first().map_or(0, |f| f[1])
-        ));
-    }
-    let wrong = if c.flips + c.zero_area > 0 {
-        Some(format!("{} triangles are flipped and {} have no area", c.flips, c.zero_area))
-    } else if bijective && !c.overlaps.is_injective() {
-        let (pairs, crossings) = (c.overlaps.triangle_pairs, c.overlaps.boundary_crossings);
-        Some(format!("{pairs} pairs of triangles overlap and {crossings} pairs of border edges cross (--bijective)"))
-    } else {
-        None
-    };
-    if let (Some(wrong), Status::Converged) = (wrong, result.status) {
-        result.status = Status::Stopped;
-        result.report.status = Status::Stopped.as_str().to_string();
-        result.report.reason = format!("{}: {wrong} in the map as written; {}", mesh.name, result.report.reason);
     }
 }
 

@@ -54,6 +54,21 @@ impl Psf {
         Ok(Psf { width, height, weights: weights.iter().map(|w| w / sum).collect(), center })
     }
 
+    /// By name: `gaussian:S`, `motion:LENGTH,ANGLE` or `disk:R`; none where the text begins otherwise.
+    ///
+    /// # Errors
+    /// Numbers that are none, or as many as the name does not have; as the function of the name.
+    pub fn named(text: &str) -> Option<Result<Self, ImageError>> {
+        let (name, numbers) = text.split_once(':').filter(|(n, _)| ["gaussian", "motion", "disk"].contains(n))?;
+        let parsed: Option<Vec<f64>> = numbers.split(',').map(|n| n.trim().parse().ok()).collect();
+        Some(match (name, parsed.as_deref()) {
+            ("gaussian", Some([s])) => Psf::gaussian(*s),
+            ("disk", Some([r])) => Psf::disk(*r),
+            ("motion", Some([length, angle])) => Psf::motion(*length, *angle),
+            _ => Err(ImageError("give gaussian:S, motion:LENGTH,ANGLE or disk:R, such as gaussian:1.6".to_string())),
+        })
+    }
+
     /// One weight: no blur.
     pub fn identity() -> Self {
         Psf { width: 1, height: 1, weights: vec![1.0], center: (0, 0) }

@@ -2,10 +2,11 @@
 
 use super::check::{check_size, check_vectors};
 use super::elements::{Cells, add_weights, build};
+use super::own::{self, OwnTerm};
 use super::{DeformError, DeformInput, constraints, planar, sheet, start};
 use crate::settings::{DeformSettings, MethodName};
 use proxel_mesh::{Mesh, check, topology};
-use proxel_split::{PointSpring, Precision, Problem, Quadratic, SystemError};
+use proxel_split::{PointSpring, Precision, Problem, Quadratic, SystemError, Term};
 
 /// A deformation problem, and the way between the user's numbering and units and the solver's.
 pub struct Body {
@@ -76,7 +77,19 @@ impl Body {
         quadratic.form = sheet::bending(&body.name, settings, &kinds, &number, &rest, &mut body.warnings);
         let mut terms = Vec::new();
         let mut barrier = false;
-        for cells in &kinds {
+        if let Some(energy) = &input.energy {
+            own::check(&body.name, input.fill.is_some(), &kinds, settings)?;
+            let name = &body.name;
+            for cells in &kinds {
+                let all: Vec<usize> = (0..cells.len()).collect();
+                let like = build(cells, &all, None, &number, &rest, &settings.material, settings, name)?.term;
+                if let Cells::Tets(tets) = cells.renumbered(&number) {
+                    terms.push(Box::new(OwnTerm::new(like, energy.clone(), tets, &rest)) as Box<dyn Term>);
+                    barrier |= energy.0.is_barrier();
+                }
+            }
+        }
+        for cells in kinds.iter().filter(|_| input.energy.is_none()) {
             for (material, chosen) in cells.by_material(mesh, settings) {
                 let built =
                     build(cells, &chosen, input.fill.as_deref(), &number, &rest, material, settings, &body.name)?;

@@ -75,6 +75,14 @@ pub(crate) fn check_vectors(name: &str, n: usize, input: &DeformInput) -> Result
             )));
         }
     }
+    let mut fixed: Vec<&(u32, [f64; 3])> = input.fixed.iter().collect();
+    fixed.sort_by_key(|pin| pin.0);
+    if let Some(pair) = fixed.windows(2).find(|pair| pair[0].0 == pair[1].0 && pair[0].1 != pair[1].1) {
+        return Err(DeformError(format!(
+            "{name}: vertex {} (0-based) is pinned twice, at {:?} and at {:?}; give it one place",
+            pair[0].0, pair[0].1, pair[1].1
+        )));
+    }
     if let Some((v, _, k)) = input.soft.iter().find(|(_, _, k)| !(*k >= 0.0 && k.is_finite())) {
         return Err(DeformError(format!(
             "{name}: the soft spring at vertex {v} (0-based) has stiffness {k}; it must not be negative"

@@ -10,6 +10,8 @@ pub(crate) mod elements;
 pub(crate) mod embedded;
 mod extras;
 mod live;
+mod own;
+mod picture;
 mod planar;
 pub(crate) mod sheet;
 mod skin;
@@ -20,6 +22,8 @@ pub use body::Body;
 pub use embedded::{Carried, Carrier};
 pub use extras::{Extras, extras};
 pub use live::{Deformer, Frame};
+pub use own::{ElementEnergy, Matrix, OwnEnergy};
+pub use picture::draw_deformation;
 pub use skin::Skin;
 pub use watch::{Hooks, Progress};
 pub(crate) use watch::{TimeLimit, row};
@@ -67,6 +71,8 @@ pub struct DeformInput {
     pub fill: Option<Vec<f64>>,
     /// Positions to measure the position error against; they change nothing.
     pub reference: Option<Vec<[f64; 3]>>,
+    /// What is minimised in the place of the material's energy, whose stiffness at rest then preconditions.
+    pub energy: Option<OwnEnergy>,
 }
 
 /// Why a deformation cannot be computed: a sentence that names the item and the remedy.

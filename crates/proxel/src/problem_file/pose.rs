@@ -50,6 +50,10 @@ pub(super) struct Pose {
 impl Pose {
     pub fn of(input: &DeformInput, settings: &DeformSettings) -> Result<Self, InputError> {
         let name = &input.rest.name;
+        if input.energy.is_some() {
+            let what = "an energy of one's own is no data";
+            return Err(InputError::new(name, what, "keep a problem with a material"));
+        }
         let check = |what: &str, numbers: &mut dyn Iterator<Item = &f64>| finite(name, what, numbers);
         let flat = |points: &Option<Vec<V3>>| points.iter().flatten().flatten().copied().collect::<Vec<f64>>();
         check("the start", &mut flat(&input.start).iter())?;

@@ -6,6 +6,7 @@
 
 mod finish;
 mod measure;
+mod picture;
 mod planar;
 mod problem;
 mod recipe;
@@ -18,6 +19,7 @@ mod ways;
 mod wire;
 
 pub use measure::{Change, ConstraintReport, ShapeReport, Violated, diagonals, edge_lengths, planarity};
+pub use picture::draw_shaped;
 pub use planar::planarize;
 pub use recipe::{
     ConstraintSpec, Corners, EdgeSpec, FaceSpec, Kind, LengthName, LengthSpec, Recipe, RecipeFile, RecipeSolver,

@@ -25,6 +25,7 @@ mod obstacles;
 mod picture;
 mod place;
 mod record;
+mod report;
 mod scene;
 mod scenery;
 mod simulation;

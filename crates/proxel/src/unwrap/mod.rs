@@ -6,11 +6,13 @@
 
 mod assemble;
 mod bijective;
+mod certified;
 mod chart;
 mod flat;
 mod live;
 mod metric;
 mod order;
+mod pictures;
 mod pins;
 mod problem;
 mod scaffold;
@@ -21,6 +23,7 @@ mod watch;
 pub use flat::Flat;
 pub use live::{Standing, Unwrapper};
 pub use metric::{Metric, uniform};
+pub use pictures::MapPictures;
 pub use start::{Start, Weights, start};
 pub use watch::{Hooks, MapRow, Progress};
 

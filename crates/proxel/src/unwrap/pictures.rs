@@ -1,19 +1,15 @@
 //! The pictures of a map: in the plane, on the surface, as colours of vertices.
 
-use std::path::Path;
-
-use proxel::preview::{Camera, UvPicture, draw_checkerboard, draw_uv_map, heat_map, stretches};
-use proxel::unwrap::Unwrapped;
-use proxel_mesh::{Mesh, write_mesh};
-
-use crate::refusal::Refusal;
+use crate::preview::{Camera, Image, UvPicture, draw_checkerboard, draw_uv_map, heat_map, stretches};
+use proxel_mesh::uv::UvMap;
+use proxel_mesh::{Fields, Mesh, MeshError};
 
 /// Size of a picture.
 const SIZE: [usize; 2] = [1024, 1024];
 const SIDE_BY_SIDE: [usize; 2] = [1440, 720];
 
 /// The triangles that are mapped, with what pictures need of them.
-pub struct Pictures<'a> {
+pub struct MapPictures<'a> {
     mesh: &'a Mesh,
     triangles: Vec<[u32; 3]>,
     uv: Vec<[[f64; 2]; 3]>,
@@ -21,15 +17,15 @@ pub struct Pictures<'a> {
     packed: bool,
 }
 
-impl<'a> Pictures<'a> {
-    /// Of the faces as fans around their first corners.
-    pub fn new(mesh: &'a Mesh, result: &Unwrapped, packed: bool) -> Self {
+impl<'a> MapPictures<'a> {
+    /// Of the faces as fans around their first corners; `packed` says that the page is the unit square.
+    pub fn new(mesh: &'a Mesh, map: &UvMap, packed: bool) -> Self {
         let (mut triangles, mut uv) = (Vec::new(), Vec::new());
         for (f, face) in mesh.faces.iter().enumerate() {
             let first = mesh.faces.offsets()[f] as usize;
             for k in 2..face.len() {
                 let corners = [0, k - 1, k];
-                let places = corners.map(|c| result.uv.at(first + c));
+                let places = corners.map(|c| map.at(first + c));
                 if let [Some(a), Some(b), Some(c)] = places {
                     triangles.push(corners.map(|c| face[c]));
                     uv.push([a, b, c]);
@@ -37,26 +33,27 @@ impl<'a> Pictures<'a> {
             }
         }
         let stretch = stretches(&mesh.points, &triangles, &uv);
-        Pictures { mesh, triangles, uv, stretch, packed }
+        MapPictures { mesh, triangles, uv, stretch, packed }
     }
 
     /// The map, coloured by distortion, with its seams.
-    pub fn map(&self, path: &Path) -> Result<(), Refusal> {
+    pub fn map(&self) -> Image {
         let picture =
             UvPicture { triangles: &self.triangles, uv: &self.uv, stretch: &self.stretch, unit_square: self.packed };
-        Ok(draw_uv_map(&picture, SIZE[0], SIZE[1]).write_png(path)?)
+        draw_uv_map(&picture, SIZE[0], SIZE[1])
     }
 
     /// A checkerboard on the surface, from the front and from behind.
-    pub fn surface(&self, path: &Path) -> Result<(), Refusal> {
+    pub fn surface(&self) -> Image {
         let [width, height] = SIDE_BY_SIDE;
-        let picture =
-            draw_checkerboard(&self.mesh.points, &self.triangles, &self.uv, &Camera::default(), width, height);
-        Ok(picture.write_png(path)?)
+        draw_checkerboard(&self.mesh.points, &self.triangles, &self.uv, &Camera::default(), width, height)
     }
 
-    /// Distortion as colours of vertices, in PLY.
-    pub fn heat(&self, path: &Path) -> Result<(), Refusal> {
-        Ok(write_mesh(path, self.mesh, &heat_map(&self.mesh.points, &self.triangles, &self.stretch)?)?)
+    /// Distortion as colours of vertices.
+    ///
+    /// # Errors
+    /// As [`heat_map`].
+    pub fn heat(&self) -> Result<Fields, MeshError> {
+        heat_map(&self.mesh.points, &self.triangles, &self.stretch)
     }
 }

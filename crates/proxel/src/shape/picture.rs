@@ -1,14 +1,14 @@
 //! A picture of a mesh before and after.
 
-use proxel::preview::{Camera, Image, Model, Scene, Style, render};
-use proxel::shape::FaceErrors;
+use super::FaceErrors;
+use crate::preview::{Camera, Image, Model, Scene, Style, render};
 use proxel_mesh::Mesh;
 
 /// Size of a panel.
 const PANEL: [usize; 2] = [720, 640];
 
 /// Before and after, coloured by the square root of the first error of the faces around each vertex, on one scale.
-pub fn of(before: &Mesh, after: &Mesh, errors: &[FaceErrors]) -> Image {
+pub fn draw_shaped(before: &Mesh, after: &Mesh, errors: &[FaceErrors]) -> Image {
     let of = |mesh: &Mesh, errors: &[f64]| {
         let mut worst = vec![0.0_f64; mesh.n_verts()];
         for (face, error) in mesh.faces.iter().zip(errors) {

@@ -1,7 +1,7 @@
 //! The picture of a deformation: rest, start and result side by side.
 
-use proxel::deform::{DeformInput, Deformation, Extras};
-use proxel::preview::{Camera, Image, Model, Scene, Style, render};
+use super::{DeformInput, Deformation, Extras};
+use crate::preview::{Camera, Image, Model, Scene, Style, render};
 use proxel_mesh::topology::{boundary_surface, face_edges, surface, tet_edges};
 
 /// Size of a panel.
@@ -12,7 +12,7 @@ const PANEL: [usize; 2] = [720, 640];
 ///
 /// A mesh with edges and triangles both has its edges drawn as cables, one of triangles beside tetrahedra its boundary too,
 /// if `mixed`.
-pub fn of_deformation(input: &DeformInput, mixed: bool, result: &Deformation, extras: &Extras) -> Image {
+pub fn draw_deformation(input: &DeformInput, mixed: bool, result: &Deformation, extras: &Extras) -> Image {
     let mut triangles = surface(&input.rest).fan_triangles();
     if mixed && !input.rest.faces.is_empty() {
         triangles.extend(boundary_surface(&input.rest.tets));

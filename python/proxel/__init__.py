@@ -1,0 +1,55 @@
+"""Proxel minimises deformation energies under constraints.
+
+Arrays come in any type, order and as views, are never changed and never renumbered; what comes out is float64, and
+int32 for indices, in C order. Settings are given by keyword, with the names and defaults of the command line and
+the Rust library (`proxel.settings("unwrap")`). Python's lock is released while anything is solved, and Ctrl-C ends
+a run.
+"""
+
+from ._core import Cancel, InputError, Progress, SolveError, __version__
+from ._info import Info, Trace
+from ._job import Job
+from ._live import Deformer, Standing, Unwrapper
+from ._simulate import Frame, Frames, Simulator, simulate
+from ._solve import (
+    deblur,
+    deform,
+    denoise,
+    geodesic,
+    inpaint,
+    planarize,
+    settings,
+    shape,
+    unwrap,
+    wavefront,
+    wire,
+)
+
+__all__ = [
+    "Cancel",
+    "Deformer",
+    "Frame",
+    "Frames",
+    "Info",
+    "InputError",
+    "Job",
+    "Progress",
+    "Simulator",
+    "SolveError",
+    "Standing",
+    "Trace",
+    "Unwrapper",
+    "__version__",
+    "deblur",
+    "deform",
+    "denoise",
+    "geodesic",
+    "inpaint",
+    "planarize",
+    "settings",
+    "shape",
+    "simulate",
+    "unwrap",
+    "wavefront",
+    "wire",
+]

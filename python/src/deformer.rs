@@ -1,0 +1,132 @@
+//! `proxel.Deformer`.
+
+use crate::arrays::{numbers, rows, table};
+use crate::deform::{BodyInput, Targets};
+use crate::drive::{Cancel, Listener, drive, own};
+use crate::error::{InputError, refused};
+use crate::outcome::Outcome;
+use crate::settings::{self, given};
+use numpy::PyReadonlyArray2;
+use proxel::deform::{Deformer as Live, Frame, Hooks};
+use proxel::pins::RigidMotion;
+use proxel::report::{Report, Seconds};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// A body that is built once and then follows its handles: [`proxel::deform::Deformer`].
+#[pyclass(module = "proxel._core")]
+pub struct Deformer {
+    live: Mutex<Live>,
+    warnings: Vec<String>,
+}
+
+#[pymethods]
+impl Deformer {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        points: PyReadonlyArray2<'_, f64>,
+        input: BodyInput<'_>,
+        keywords: &Bound<'_, PyDict>,
+    ) -> PyResult<Self> {
+        let settings = settings::deform(given(keywords)?)?;
+        let (input, warnings) = input.input(&points)?;
+        let live = drive(py, &Listener::default(), |_| Live::new(&input, &settings))?.map_err(refused)?;
+        Ok(Deformer { live: Mutex::new(live), warnings })
+    }
+
+    /// Sends pinned vertices, and ends of springs, elsewhere.
+    fn update_handles(&mut self, py: Python<'_>, targets: Targets<'_>) -> PyResult<()> {
+        let (vertices, places) = (numbers(&targets.0)?, rows(&targets.1)?);
+        let targets: Vec<(u32, [f64; 3])> = vertices.into_iter().zip(places).collect();
+        let live = own(&mut self.live);
+        py.detach(|| live.set_targets(&targets)).map_err(refused)
+    }
+
+    /// Turns and then moves a group from where it was when the body was built.
+    fn move_group(
+        &mut self,
+        name: &str,
+        rotation: Option<([f64; 3], f64, [f64; 3])>,
+        translation: Option<[f64; 3]>,
+    ) -> PyResult<()> {
+        let mut motion = RigidMotion::identity();
+        if let Some((axis, degrees, center)) = rotation {
+            let length = axis.iter().map(|a| a * a).sum::<f64>();
+            if !(length > 0.0 && length.is_finite() && degrees.is_finite()) {
+                let text = format!("an axis {axis:?} and an angle of {degrees} degrees turn nothing; give finite ones");
+                return Err(InputError::new_err(text));
+            }
+            motion = RigidMotion::rotation(axis, degrees, center);
+        }
+        if let Some(t) = translation {
+            motion = motion.then(RigidMotion::translation(t));
+        }
+        own(&mut self.live).move_group(name, &motion).map_err(refused)
+    }
+
+    /// Goes on towards the minimum: positions, and what is known of the step.
+    #[pyo3(signature = (time_limit, callback, cancel))]
+    fn solve<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_limit: Option<f64>,
+        callback: Option<Bound<'py, PyAny>>,
+        cancel: Option<Py<Cancel>>,
+    ) -> PyResult<(Bound<'py, PyAny>, Outcome)> {
+        let budget = time_limit.map(Duration::try_from_secs_f64).transpose();
+        let budget = budget.map_err(|e| InputError::new_err(format!("time_limit: {e}; give seconds from 0")))?;
+        let began = Instant::now();
+        let live = own(&mut self.live);
+        let frame = drive(py, &Listener { callback, cancel }, |link| {
+            let mut on_progress = |p: &proxel::deform::Progress| link.tell(p.into());
+            let mut hooks = Hooks { cancel: link.cancel.clone(), ..Hooks::default() };
+            if link.is_heard() {
+                hooks.progress = Some(&mut on_progress);
+            }
+            live.step(budget, &mut hooks)
+        })?;
+        let frame = frame.map_err(refused)?;
+        let mut report = self.report(&frame, began.elapsed().as_secs_f64());
+        let positions = table(py, frame.positions)?;
+        Ok((positions, Outcome::new(&mut report, &PyDict::new(py), None)?))
+    }
+
+    /// The pose that the last step with any time ended at.
+    #[getter]
+    fn positions<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        table(py, own(&mut self.live).positions())
+    }
+}
+
+impl Deformer {
+    fn report(&mut self, frame: &Frame, seconds: f64) -> Report {
+        let live = own(&mut self.live);
+        let settings = live.settings();
+        let finite = |v: f64| Some(v).filter(|v| v.is_finite());
+        Report {
+            version: env!("CARGO_PKG_VERSION").to_string(),
+            command: "deform".to_string(),
+            settings: serde_json::to_value(settings).unwrap_or_default(),
+            method: settings.method.as_str().to_string(),
+            status: frame.status.as_str().to_string(),
+            reason: frame.reason.clone(),
+            iterations: frame.iterations,
+            inner_iterations: frame.inner_iterations,
+            refactorisations: frame.refactorisations,
+            energy: finite(frame.energy),
+            gradient_norm: frame.gradient_norm,
+            gradient_ratio: frame.gradient_ratio,
+            inverted: Some(frame.inverted),
+            min_stretch: finite(frame.min_stretch),
+            max_stretch: finite(frame.max_stretch),
+            warnings: self.warnings.iter().chain(&frame.warnings).cloned().collect(),
+            repaired: live.repaired().to_vec(),
+            seconds: Seconds { solve: seconds, ..Seconds::default() },
+            threads: live.threads(),
+            ..Report::default()
+        }
+    }
+}

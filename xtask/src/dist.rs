@@ -1,0 +1,155 @@
+//! `cargo xtask dist` and `cargo xtask python`: what is handed out, and the tests of the Python package. They need
+//! cargo and
+//! python3 only, and keep what else they need in virtual environments below cargo's target folder.
+
+use crate::run::{Failure, Step, cargo, program, root, target_dir};
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// What builds wheels.
+const MATURIN: &str = "maturin>=1.9,<2";
+
+/// What the tests of the package need besides.
+const TESTING: [&str; 4] = ["numpy>=1.23", "pytest>=7", "mypy>=1.8", "scipy"];
+
+/// The oldest Python that the package is for.
+const OLDEST: (u32, u32) = (3, 10);
+
+/// `cargo xtask dist [--wheel] --out DIR`: the wheel, and without `--wheel` the command too.
+pub fn dist(args: &[OsString]) -> Result<(), Failure> {
+    let (mut wheel_only, mut out) = (false, None);
+    let mut args = args.iter();
+    while let Some(arg) = args.next() {
+        match arg.to_string_lossy().as_ref() {
+            "--wheel" => wheel_only = true,
+            "--out" => out = args.next().map(PathBuf::from),
+            other => {
+                return Err(Failure::usage(format!("dist has no argument `{other}`; give [--wheel] --out DIR")));
+            }
+        }
+    }
+    let out = out.ok_or_else(|| Failure::usage("dist needs a folder; give --out DIR"))?;
+    // Chores run in the workspace's root, their callers elsewhere.
+    let out = std::env::current_dir().map_err(|e| Failure::other(format!("the current folder: {e}")))?.join(out);
+    fs::create_dir_all(&out).map_err(|e| Failure::other(format!("{} cannot be made: {e}", out.display())))?;
+    let mut written = vec![wheel(&out)?];
+    if !wheel_only {
+        written.push(command(&out)?);
+    }
+    for path in written {
+        let bytes = fs::metadata(&path).map_or(0, |m| m.len());
+        println!("{} ({:.1} MB)", path.display(), bytes as f64 / 1e6);
+    }
+    Ok(())
+}
+
+/// `cargo xtask python [ARGS]`: the package as users get it, in an environment of its own, and pytest over it.
+pub fn python(args: &[OsString]) -> Result<(), Failure> {
+    let folder = target_dir().join("python-tests");
+    make(&folder)?;
+    let wheel = wheel(&folder)?;
+    let venv = Venv::new("python-test-venv", &TESTING)?;
+    venv.run(["-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps"]).args([wheel]).run()?;
+    // Not beside the sources, so that what is tested is what was installed.
+    let tests = root().join("python").join("tests");
+    venv.run(["-m", "pytest"]).args([tests]).args(args).run()
+}
+
+/// The release of the command.
+fn command(out: &Path) -> Result<PathBuf, Failure> {
+    cargo(["build", "--release", "--package", "proxel-cli"]).run()?;
+    let name = format!("proxel{}", std::env::consts::EXE_SUFFIX);
+    copy(&target_dir().join("release").join(&name), &out.join(&name))
+}
+
+/// Exactly one wheel, for every Python from the oldest on.
+fn wheel(out: &Path) -> Result<PathBuf, Failure> {
+    let venv = Venv::new("maturin-venv", &[MATURIN])?;
+    let built = target_dir().join("maturin-wheels");
+    if built.exists() {
+        fs::remove_dir_all(&built).map_err(|e| Failure::other(format!("{} is in the way: {e}", built.display())))?;
+    }
+    let manifest = root().join("python").join("Cargo.toml");
+    venv.run(["-m", "maturin", "build", "--release", "--locked", "--manifest-path"])
+        .args([manifest.as_os_str(), "--interpreter".as_ref(), venv.python().as_os_str(), "--out".as_ref()])
+        .args([&built])
+        .run()?;
+    let wheels: Vec<PathBuf> = fs::read_dir(&built)
+        .map_err(|e| Failure::other(format!("maturin left no {}: {e}", built.display())))?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|e| e == "whl"))
+        .collect();
+    let [wheel] = &wheels[..] else {
+        return Err(Failure::other(format!("maturin made {} wheels where one was to be: {wheels:?}", wheels.len())));
+    };
+    let name = wheel.file_name().unwrap_or_default();
+    if !name.to_string_lossy().contains("-abi3-") {
+        return Err(Failure::other(format!("{} is for one Python only", wheel.display())));
+    }
+    copy(wheel, &out.join(name))
+}
+
+fn copy(from: &Path, to: &Path) -> Result<PathBuf, Failure> {
+    fs::copy(from, to).map_err(|e| Failure::other(format!("{} to {}: {e}", from.display(), to.display())))?;
+    Ok(to.to_owned())
+}
+
+fn make(folder: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(folder).map_err(|e| Failure::other(format!("{} cannot be made: {e}", folder.display())))
+}
+
+/// A virtual environment, kept for the next time.
+struct Venv(PathBuf);
+
+impl Venv {
+    fn new(name: &str, packages: &[&str]) -> Result<Self, Failure> {
+        let venv = Venv(target_dir().join(name));
+        if !venv.python().exists() {
+            let python = python3()?;
+            // pip is installed by ensurepip, which some distributions keep in a package of its own.
+            let has = |module: &str| quiet(Command::new(&python).args(["-c", &format!("import {module}")]));
+            if !has("venv") || !has("ensurepip") {
+                return Err(Failure::other(format!(
+                    "`{}` has no module venv; install it (Debian, Ubuntu: apt install python3-venv)",
+                    python.to_string_lossy()
+                )));
+            }
+            program(&python, ["-m", "venv", "--clear"]).args([&venv.0]).run()?;
+        }
+        venv.run(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args(packages).run()?;
+        Ok(venv)
+    }
+
+    fn python(&self) -> PathBuf {
+        let below: [&str; 2] = if cfg!(windows) { ["Scripts", "python.exe"] } else { ["bin", "python"] };
+        below.iter().fold(self.0.clone(), |path, part| path.join(part))
+    }
+
+    fn run<const N: usize>(&self, args: [&str; N]) -> Step {
+        program(self.python().as_os_str(), args)
+    }
+}
+
+fn quiet(command: &mut Command) -> bool {
+    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
+}
+
+/// The Python that PYTHON names, or python3, where it is new enough.
+fn python3() -> Result<OsString, Failure> {
+    let named = std::env::var_os("PYTHON").filter(|v| !v.is_empty());
+    let python = named.unwrap_or_else(|| if cfg!(windows) { "python" } else { "python3" }.into());
+    let (major, minor) = OLDEST;
+    let name = python.to_string_lossy();
+    if !quiet(Command::new(&python).arg("--version")) {
+        return Err(Failure::other(format!(
+            "`{name}` cannot be started; install Python {major}.{minor} or later, or name it by PYTHON"
+        )));
+    }
+    let test = format!("import sys; sys.exit(sys.version_info < ({major}, {minor}))");
+    if !quiet(Command::new(&python).args(["-c", &test])) {
+        return Err(Failure::other(format!("`{name}` is too old; give Python {major}.{minor} or later by PYTHON")));
+    }
+    Ok(python)
+}
