@@ -38,6 +38,11 @@ impl AngleRange {
         AngleRange { low, high, within: (high.cos() + CLOSE, low.cos() - CLOSE) }
     }
 
+    /// The least angle and the largest one.
+    pub fn bounds(&self) -> (f64, f64) {
+        (self.low, self.high)
+    }
+
     /// How much the sides have to be turned apart; below 0 together, 0 within the range and where a side has no length.
     fn missing(&self, a: V3, b: V3) -> f64 {
         let size = (dot(a, a) * dot(b, b)).sqrt();

@@ -70,14 +70,15 @@ fn the_nearest_length() {
 #[test]
 fn the_nearest_angle() {
     let range = AngleRange::new(0.9, 2.0);
+    let (low, high) = range.bounds();
     check_projection(&range, 2, 2.0, |near, random| {
         // The second side turned in the plane of both, to any angle within the range.
         let (a, b) = (near[0], near[1]);
         let e = scale(1.0 / norm(a), a);
         let across = sub(b, scale(dot(b, e), e));
-        let (f, wanted) = (scale(1.0 / norm(across), across), random.uniform(range.low, range.high));
+        let (f, wanted) = (scale(1.0 / norm(across), across), random.uniform(low, high));
         let kept = norm(across).atan2(dot(b, e));
-        let angle = if kept > range.low && kept < range.high { kept } else { wanted };
+        let angle = if kept > low && kept < high { kept } else { wanted };
         vec![a, add(scale(norm(b) * angle.cos(), e), norm(b) * angle.sin(), f)]
     });
     for (a, b) in [([1.0, 0.0, 0.0], [2.0, 0.0, 0.0]), ([1.0, 0.0, 0.0], [-0.5, 0.0, 0.0])] {
