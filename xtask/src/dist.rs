@@ -1,6 +1,5 @@
-//! `cargo xtask dist` and `cargo xtask python`: what is handed out, and the tests of the Python package. They need
-//! cargo and
-//! python3 only, and keep what else they need in virtual environments below cargo's target folder.
+//! `cargo xtask dist` and `cargo xtask python`: what is handed out, and the tests of the Python package. They need cargo
+//! and python3 only, and keep what else they need in virtual environments below cargo's target folder.
 
 use crate::run::{Failure, Step, cargo, program, root, target_dir};
 use std::ffi::OsString;

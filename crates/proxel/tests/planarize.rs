@@ -75,6 +75,26 @@ fn faces_become_planar_and_stay_near() {
 }
 
 #[test]
+fn without_room_for_a_factor_the_splitting_goes_on() {
+    let mesh = roof(5);
+    let settings = ShapeSettings { memory: 1.0, max_iters: 600, ..ShapeSettings::planarize() };
+    let shaped = run(&mesh, &settings);
+    assert!(shaped.report.reason.contains("would take 0.0 GB of 0.0 (--memory)"), "{}", shaped.report.reason);
+    // As far as the splitting alone gets, and on from where it would have been left.
+    let left = run(&mesh, &ShapeSettings { memory: 8e9, ..settings.clone() });
+    assert!(
+        shaped.report.iterations > left.report.iterations,
+        "{} {}",
+        shaped.report.iterations,
+        left.report.iterations
+    );
+    assert_eq!((shaped.report.refactorisations, left.status), (0, Status::Converged));
+    let bad = ShapeSettings { memory: 0.0, ..settings };
+    let refused = planarize(&ShapeInput { mesh, reference: None }, &bad, &mut Hooks::default());
+    assert!(refused.is_err_and(|e| e.to_string().contains("--memory is 0")));
+}
+
+#[test]
 fn units_origin_and_threads_do_not_matter() {
     let mesh = roof(5);
     let settings = ShapeSettings { threads: Some(1), ..ShapeSettings::planarize() };

@@ -7,6 +7,7 @@ mod iteration;
 mod memory;
 mod samples;
 mod solves;
+mod wires;
 
 pub use growth::growth;
 pub use memory::{CHILD, Footprint, child, footprint};
@@ -93,6 +94,8 @@ pub fn measure(repeats: usize, tell: &mut dyn FnMut(&str)) -> Result<Vec<Row>, B
     let mut rows = decompositions::rows(repeats)?;
     tell("nearest points");
     rows.extend(closest::rows(repeats)?);
+    tell("wires: an iteration and its parts");
+    rows.extend(wires::rows(repeats.div_ceil(2))?);
     let model = centaur_or_beam()?;
     tell(&format!("{}: an iteration and its parts", model.name));
     rows.extend(iteration::rows(&model, repeats)?);

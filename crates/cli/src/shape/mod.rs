@@ -41,6 +41,13 @@ pub struct ShapeArgs {
     /// Columns of Anderson acceleration.
     #[arg(long, value_name = "M", default_value_t = ShapeSettings::planarize().anderson, help_heading = "Method")]
     pub anderson: usize,
+    #[command(flatten)]
+    pub room: Room,
+}
+
+/// What a finish may take.
+#[derive(Args)]
+pub struct Room {
     /// Gigabytes that the factor of the Gauss-Newton steps of auto may take; without room for it the splitting goes on.
     #[arg(long, value_name = "GB", default_value_t = ShapeSettings::planarize().memory / 1e9, help_heading = "Method")]
     #[arg(allow_negative_numbers = true)]
@@ -82,7 +89,7 @@ impl ShapeArgs {
             fairing: fairing.unwrap_or(base.fairing),
             tol: self.solve.tol,
             max_iters: self.solve.max_iters,
-            memory: 1e9 * self.memory,
+            memory: 1e9 * self.room.memory,
             time_limit: self.solve.run.time_limit,
             threads: self.solve.run.threads,
         }

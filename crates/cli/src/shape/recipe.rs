@@ -9,7 +9,7 @@ use proxel::shape::{Recipe, RecipeFile, ShapeError, ShapeInput, ShapeMethod, Sha
 use proxel_mesh::{Mesh, read_mesh_lenient};
 use serde::Serialize;
 
-use super::files;
+use super::{Room, files};
 use crate::args::{SolveArgs, show_settings};
 use crate::refusal::Refusal;
 
@@ -50,6 +50,8 @@ pub struct RecipeArgs {
     /// In place of the recipe's columns of Anderson acceleration.
     #[arg(long, value_name = "M", help_heading = "Method")]
     pub anderson: Option<usize>,
+    #[command(flatten)]
+    pub room: Room,
 }
 
 fn methods() -> PossibleValuesParser {
@@ -77,6 +79,7 @@ pub fn recipe(args: &RecipeArgs) -> Result<u8, Refusal> {
         anderson: solver.anderson,
         tol: args.solve.tol,
         max_iters: args.solve.max_iters,
+        memory: 1e9 * args.room.memory,
         time_limit: args.solve.run.time_limit,
         threads: args.solve.run.threads,
         ..ShapeSettings::recipe()
