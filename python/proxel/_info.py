@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import keyword
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -98,6 +99,9 @@ class Info:
 
     def __getattr__(self, name: str) -> Any:
         if not name.startswith("_"):
+            # Python keeps the word `lambda`.
+            if name.endswith("_") and keyword.iskeyword(name[:-1]):
+                name = name[:-1]
             for known in (self._report, self._arrays):
                 if name in known:
                     return known[name]

@@ -418,8 +418,7 @@ def deblur(
     `image` is (h, w) or (h, w, channels), linear, of any scale (pictures expect 0 to 1); `psf` are weights (h, w)
     around `psf_center` (row and column; the middle), or "gaussian:S", "motion:LENGTH,ANGLE", "disk:R" in pixels;
     `mask` (h, w) is not 0 where a pixel was measured; `truth` is only measured against (`info.psnr`). `lambda_`
-    weighs fidelity; without it one is chosen by an estimate of the risk (`info.lambda` is read by `getattr(info,
-    "lambda")`).
+    weighs fidelity; without it one is chosen by an estimate of the risk (`info.lambda_`).
 
     Returns an image of the same shape and the info; `info.relative_gap` bounds how far it is from the minimum. For
     `callback`, `cancel`, `trace` and errors see `unwrap`.

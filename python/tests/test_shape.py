@@ -104,6 +104,7 @@ def test_noise_goes():
     truth = blocks()
     noisy = truth + 0.06 * np.random.default_rng(3).standard_normal(truth.shape)
     out, info = proxel.denoise(noisy, lambda_=10.0, truth=truth, tol=1e-6, boundary="periodic")
+    assert info.lambda_ == info.to_dict()["lambda"] == 10.0
     assert info.status == "converged" and out.shape == truth.shape and info.relative_gap <= 1e-6
     assert info.settings["lambda"] == 10.0
     # The objective that A(31) has in numpy, and that no step improves it.

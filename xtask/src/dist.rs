@@ -10,6 +10,10 @@ use std::process::{Command, Stdio};
 /// What builds wheels.
 const MATURIN: &str = "maturin>=1.9,<2";
 
+/// The environments, below the target folder.
+const BUILDING_IN: &str = "maturin-venv";
+const TESTING_IN: &str = "python-test-venv";
+
 /// What the tests of the package need besides.
 const TESTING: [&str; 4] = ["numpy>=1.23", "pytest>=7", "mypy>=1.8", "scipy"];
 
@@ -49,11 +53,20 @@ pub fn python(args: &[OsString]) -> Result<(), Failure> {
     let folder = target_dir().join("python-tests");
     make(&folder)?;
     let wheel = wheel(&folder)?;
-    let venv = Venv::new("python-test-venv", &TESTING)?;
+    let venv = Venv::new(TESTING_IN, &TESTING)?;
     venv.run(["-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps"]).args([wheel]).run()?;
     // Not beside the sources, so that what is tested is what was installed.
     let tests = root().join("python").join("tests");
     venv.run(["-m", "pytest"]).args([tests]).args(args).run()
+}
+
+/// The same within all tests: why they were skipped, where this machine has no Python for them or no way to get packages.
+pub fn python_where_possible() -> Result<Option<String>, Failure> {
+    let ready = Venv::new(BUILDING_IN, &[MATURIN]).and_then(|_| Venv::new(TESTING_IN, &TESTING));
+    match ready {
+        Ok(_) => python(&[]).map(|()| None),
+        Err(failure) => Ok(Some(failure.reason().to_owned())),
+    }
 }
 
 /// The release of the command.
@@ -65,7 +78,7 @@ fn command(out: &Path) -> Result<PathBuf, Failure> {
 
 /// Exactly one wheel, for every Python from the oldest on.
 fn wheel(out: &Path) -> Result<PathBuf, Failure> {
-    let venv = Venv::new("maturin-venv", &[MATURIN])?;
+    let venv = Venv::new(BUILDING_IN, &[MATURIN])?;
     let built = target_dir().join("maturin-wheels");
     if built.exists() {
         fs::remove_dir_all(&built).map_err(|e| Failure::other(format!("{} is in the way: {e}", built.display())))?;

@@ -18,7 +18,8 @@ const HELP: &str = "\
 Usage: cargo xtask CHORE
 
 Chores:
-  test                    all tests, doctests and examples, and the demo into target/demo
+  test                    all tests, doctests and examples, those of the Python package where there is a
+                          python3 for them, and the demo into target/demo
   lint                    formatting, clippy and the documentation, warnings being errors
   demo [ARGS]             proxel demo, as released
   repro NAME --out DIR    a reproduction of a published table or figure; --help lists them

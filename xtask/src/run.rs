@@ -25,6 +25,11 @@ impl Failure {
         Failure { reason: reason.into(), code: 1 }
     }
 
+    /// What it says.
+    pub fn reason(&self) -> &str {
+        &self.reason
+    }
+
     /// Says it and gives the exit status.
     pub fn report(&self) -> ExitCode {
         eprintln!("xtask: {}", self.reason);
@@ -38,18 +43,14 @@ pub struct Step(Command);
 /// cargo with these arguments.
 pub fn cargo<const N: usize>(args: [&str; N]) -> Step {
     // Cargo tells the programs that it runs which cargo it is.
-    let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut command = Command::new(program);
-    command.args(args).current_dir(root());
-    // Set by cargo for xtask itself; what xtask runs has a package of its own.
-    command.env_remove("CARGO_MANIFEST_DIR");
-    Step(command)
+    program(&std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()), args)
 }
 
 /// Another program with these arguments.
 pub fn program<const N: usize>(program: &OsStr, args: [&str; N]) -> Step {
     let mut command = Command::new(program);
     command.args(args).current_dir(root());
+    // Set by cargo for xtask itself; what xtask runs has a package of its own.
     command.env_remove("CARGO_MANIFEST_DIR");
     Step(command)
 }

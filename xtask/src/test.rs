@@ -1,13 +1,11 @@
 //! `cargo xtask test`.
 
+use crate::dist;
 use crate::run::{Failure, Step, cannot_start, cargo, check, proxel, root, target_dir};
 use crate::summary::Summary;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
-
-/// Examples of the facade that assert what they say.
-const EXAMPLES: [&str; 4] = ["pose", "own_problem", "surface", "unwrap"];
 
 /// Runs everything that can fail and says at the end what did.
 pub fn test() -> Result<(), Failure> {
@@ -17,11 +15,14 @@ pub fn test() -> Result<(), Failure> {
         None => step,
     };
     let demo = target_dir().join("demo");
-    // The demo and the examples first, so that the output ends with the results of the tests. A step that fails does
+    // The demo, the examples and the Python package first, so that the output ends with the results of the tests. A step that fails does
     // not keep the others from being tried.
     let demo_end = run_demo(&demo);
-    let examples_end =
-        EXAMPLES.iter().try_for_each(|name| cargo(["run", "--quiet", "--package", "proxel", "--example", name]).run());
+    let examples_end = examples().and_then(|names| {
+        let example = |name: &String| cargo(["run", "--quiet", "--package", "proxel", "--example", name]).run();
+        names.iter().try_for_each(example)
+    });
+    let python_end = dist::python_where_possible();
     let (tests_end, summary) = run_tests(with_data(cargo(["test", "--workspace", "--no-fail-fast"])));
 
     let word = |end: &Result<(), Failure>| if end.is_ok() { "ok" } else { "FAILED" };
@@ -31,8 +32,26 @@ pub fn test() -> Result<(), Failure> {
     };
     println!();
     println!("demo {} ({}), examples {}, {models}", word(&demo_end), demo.display(), word(&examples_end));
+    match &python_end {
+        Ok(None) => println!("the Python package: ok"),
+        Ok(Some(reason)) => println!("the Python package: skipped: {reason}"),
+        Err(_) => println!("the Python package: FAILED"),
+    }
     println!("{summary}: {}", word(&tests_end));
-    demo_end.and(examples_end).and(tests_end)
+    demo_end.and(examples_end).and(python_end.map(|_| ())).and(tests_end)
+}
+
+/// The examples of the facade, which assert what they say.
+fn examples() -> Result<Vec<String>, Failure> {
+    let folder = root().join("crates").join("proxel").join("examples");
+    let unreadable = |e: std::io::Error| Failure::other(format!("{}: {e}", folder.display()));
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(&folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        names.extend(path.file_stem().map(|name| name.to_string_lossy().into_owned()));
+    }
+    names.sort();
+    Ok(names)
 }
 
 /// The folder that PROXEL_DATA names, as an absolute path: tests run in the folders of their packages.

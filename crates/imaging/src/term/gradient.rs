@@ -1,6 +1,7 @@
 //! The gradient of an image, and functions of it.
 
 use super::pass::{Sums, begin};
+use super::weight::Weight;
 use crate::{Boundary, Grid, Pointwise};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{
@@ -26,9 +27,7 @@ pub struct GradientTerm<P> {
     boundary: Boundary,
     first: usize, // node of pixel 0
     of: P,
-    weight2: f64,
-    base: f64,               // weight2 as it was built
-    candidate: f64,          // weight2 that is proposed
+    weight: Weight,
     scratch: Vec<Vec<f64>>,  // of each task: c, v
     parts: Vec<LocalReport>, // of each task
 }
@@ -42,9 +41,7 @@ impl<P: Pointwise> GradientTerm<P> {
             boundary,
             first,
             of,
-            weight2,
-            base: weight2,
-            candidate: weight2,
+            weight: Weight::new(weight2),
             scratch: (0..tasks).map(|_| vec![0.0; 4 * grid.row_len()]).collect(),
             parts: vec![LocalReport::default(); tasks],
         }
@@ -57,7 +54,7 @@ impl<P: Pointwise> GradientTerm<P> {
 
     /// w^2
     pub fn weight2(&self) -> f64 {
-        self.weight2
+        self.weight.squared
     }
 
     /// Numbers of a row's part of a local vector.
@@ -151,7 +148,7 @@ impl<P: Pointwise> GradientTerm<P> {
                 pull.par_chunks_mut(task * row_len).enumerate().for_each(|(t, pull)| {
                     let row = t * task;
                     let (here, above) = (rows(p, local, row), this.above(p, row));
-                    this.gather(-this.weight2, here, above, row + 1 == grid.height, &mut pull[..row_len]);
+                    this.gather(-this.weight.squared, here, above, row + 1 == grid.height, &mut pull[..row_len]);
                 });
             }
         }
@@ -182,15 +179,15 @@ impl<P: Pointwise> GradientTerm<P> {
             let (p_row, u_row) = (&mut p[at.clone()], &mut u[at.clone()]);
             begin(cycle.relaxation, c, p_row, u_row, v);
             let pixels = row * grid.width..(row + 1) * grid.width;
-            report.value_after += self.of.prox(pixels, v, self.weight2);
+            report.value_after += self.of.prox(pixels, v, self.weight.squared);
             sums.end(cycle.order, c, v, p_row, u_row);
             if let (Some(pull), 1..) = (pull.as_deref_mut(), k) {
                 let out = &mut pull[k * grid.row_len()..(k + 1) * grid.row_len()];
                 let above = &p[at.start - local..at.start];
-                self.gather(-self.weight2, &p[at], Some(above), row + 1 == grid.height, out);
+                self.gather(-self.weight.squared, &p[at], Some(above), row + 1 == grid.height, out);
             }
         }
-        sums.report(self.weight2, report)
+        sums.report(self.weight.squared, report)
     }
 
     /// Sums a function over rows, in the order of rows.
@@ -290,10 +287,10 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         // c + u - z with the u that the prox is taken with: over-relaxed it is u + (alpha - 1)(c - z).
         let alpha = cycle.relaxation;
         let v: Vec<f64> = c.iter().zip(u.iter()).zip(&z).map(|((c, u), z)| c + u + (alpha - 1.0) * (c - z)).collect();
-        let penalty_before = 0.5 * self.weight2 * square(&mut v.iter().zip(&z).map(|(v, z)| v - z));
+        let penalty_before = 0.5 * self.weight.squared * square(&mut v.iter().zip(&z).map(|(v, z)| v - z));
         let report = self.sweep(cycle, x, p, u, None);
         let after = v.iter().zip(p.iter().zip(u.iter())).map(|(v, (p, u))| v - (p + u));
-        let penalty_after = 0.5 * self.weight2 * square(&mut { after });
+        let penalty_after = 0.5 * self.weight.squared * square(&mut { after });
         let objective = self.penalty(x, p, grad).value;
         LocalReport { value_before, penalty_before, penalty_after, objective, ..report }
     }
@@ -320,7 +317,7 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         u.copy_from_slice(z);
         u.par_chunks_mut(local).enumerate().for_each(|(row, u)| {
             self.of.gradient(self.pixels(row), u);
-            u.iter_mut().for_each(|u| *u /= self.weight2);
+            u.iter_mut().for_each(|u| *u /= self.weight.squared);
         });
     }
 
@@ -333,8 +330,8 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         let mut gap = vec![0.0; p.len()];
         self.couple(x, &mut gap);
         gap.par_iter_mut().zip(p).for_each(|(c, p)| *c -= p);
-        self.add_adjoint(self.weight2, &gap, grad);
-        PenaltyReport { value: 0.5 * self.weight2 * vector::dot(&gap, &gap), energy: None }
+        self.add_adjoint(self.weight.squared, &gap, grad);
+        PenaltyReport { value: 0.5 * self.weight.squared * vector::dot(&gap, &gap), energy: None }
     }
 
     fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport {
@@ -361,7 +358,7 @@ impl<P: Pointwise> Term for GradientTerm<P> {
                 gap2 += (c - z) * (c - z);
                 size2 += z * z;
             }
-            Residual { gap2: self.weight2 * gap2, size2: self.weight2 * size2 }
+            Residual { gap2: self.weight.squared * gap2, size2: self.weight.squared * size2 }
         })
     }
 
@@ -391,9 +388,9 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         self.for_each_element(&mut |nodes| {
             for to in &nodes[1..] {
                 if *to != nodes[0] {
-                    add(nodes[0], nodes[0], self.weight2);
-                    add(*to, *to, self.weight2);
-                    add(*to, nodes[0], -self.weight2);
+                    add(nodes[0], nodes[0], self.weight.squared);
+                    add(*to, *to, self.weight.squared);
+                    add(*to, nodes[0], -self.weight.squared);
                 }
             }
         });
@@ -407,16 +404,15 @@ impl<P: Pointwise> Term for GradientTerm<P> {
 
     fn scale(&self) -> Scale {
         let measure = self.grid.n_pixels() as f64;
-        Scale { measure, weight2: self.weight2 * measure, energy: 0.5 * self.of.force() * measure, hessian: 1.0 }
+        Scale { measure, weight2: self.weight.squared * measure, energy: 0.5 * self.of.force() * measure, hessian: 1.0 }
     }
 
     fn local_weights2(&self, out: &mut [f64]) {
-        out.fill(self.weight2);
+        out.fill(self.weight.squared);
     }
 
     fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
-        self.candidate = self.weight2.clamp(range.0 * self.base, range.1 * self.base);
-        (self.candidate / self.weight2).max(self.weight2 / self.candidate)
+        self.weight.propose(range)
     }
 
     fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
@@ -424,13 +420,7 @@ impl<P: Pointwise> Term for GradientTerm<P> {
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
-        let ratio = self.weight2 / self.candidate;
-        for (p, u) in p.iter_mut().zip(u) {
-            let z = *p + *u;
-            *u *= ratio;
-            *p = z - *u;
-        }
-        self.weight2 = self.candidate;
+        self.weight.take(p, u);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Functions of the pixels of a field.
 
 use super::pass::{Sums, begin};
+use super::weight::Weight;
 use crate::{Grid, Pointwise};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{
@@ -14,9 +15,7 @@ pub struct PixelTerm<P> {
     grid: Grid,
     first: usize, // node of pixel 0
     of: P,
-    weight2: f64,
-    base: f64,
-    candidate: f64,
+    weight: Weight,
     parts: Vec<LocalReport>, // of each task
     scratch: Vec<Vec<f64>>,  // of each task: v
 }
@@ -29,9 +28,7 @@ impl<P: Pointwise> PixelTerm<P> {
             grid,
             first,
             of,
-            weight2,
-            base: weight2,
-            candidate: weight2,
+            weight: Weight::new(weight2),
             parts: vec![LocalReport::default(); tasks],
             scratch: (0..tasks).map(|_| vec![0.0; grid.row_len()]).collect(),
         }
@@ -64,15 +61,15 @@ impl<P: Pointwise> PixelTerm<P> {
                 let all = p.chunks_mut(row_len).zip(u.chunks_mut(row_len)).zip(x.chunks(row_len));
                 for (k, ((p, u), c)) in all.enumerate() {
                     begin(cycle.relaxation, c, p, u, v);
-                    report.value_after += this.of.prox(this.pixels(t * rows + k), v, this.weight2);
+                    report.value_after += this.of.prox(this.pixels(t * rows + k), v, this.weight.squared);
                     sums.end(cycle.order, c, v, p, u);
                 }
-                *part = sums.report(this.weight2, report);
+                *part = sums.report(this.weight.squared, report);
             },
         );
         if let Some(pull) = pull {
             let pull = pull[this.nodes()].par_iter_mut().zip(&*p).with_min_len(size);
-            pull.for_each(|(pull, p)| *pull -= this.weight2 * p);
+            pull.for_each(|(pull, p)| *pull -= this.weight.squared * p);
         }
         let mut report = LocalReport::default();
         parts.iter().for_each(|part| report += *part);
@@ -113,12 +110,12 @@ impl<P: Pointwise> Term for PixelTerm<P> {
         let alpha = cycle.relaxation;
         let z: Vec<f64> = p.iter().zip(u.iter()).map(|(p, u)| p + u).collect();
         let v: Vec<f64> = c.iter().zip(u.iter()).zip(&z).map(|((c, u), z)| c + u + (alpha - 1.0) * (c - z)).collect();
-        let square = |of: &mut dyn Iterator<Item = f64>| 0.5 * self.weight2 * of.map(|v| v * v).sum::<f64>();
+        let square = |of: &mut dyn Iterator<Item = f64>| 0.5 * self.weight.squared * of.map(|v| v * v).sum::<f64>();
         let penalty_before = square(&mut v.iter().zip(&z).map(|(v, z)| v - z));
         let value_before = self.sum_rows(&z, |pixels, z| self.of.value(pixels, z));
         let report = self.sweep(cycle, x, p, u, None);
         let mut after = v.iter().zip(p.iter().zip(u.iter())).map(|(v, (p, u))| v - (p + u));
-        let penalty_after = 0.5 * self.weight2 * after.by_ref().map(|v| v * v).sum::<f64>();
+        let penalty_after = 0.5 * self.weight.squared * after.by_ref().map(|v| v * v).sum::<f64>();
         let objective = self.penalty(x, p, grad).value;
         LocalReport { value_before, penalty_before, penalty_after, objective, ..report }
     }
@@ -142,7 +139,7 @@ impl<P: Pointwise> Term for PixelTerm<P> {
             u.copy_from_slice(z);
             u.par_chunks_mut(self.grid.row_len()).enumerate().for_each(|(row, u)| {
                 self.of.gradient(self.pixels(row), u);
-                u.iter_mut().for_each(|u| *u /= self.weight2);
+                u.iter_mut().for_each(|u| *u /= self.weight.squared);
             });
         }
     }
@@ -153,8 +150,8 @@ impl<P: Pointwise> Term for PixelTerm<P> {
 
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
         let gap: Vec<f64> = x[self.nodes()].iter().zip(p).map(|(x, p)| x - p).collect();
-        vector::add_scaled(&mut grad[self.nodes()], self.weight2, &gap);
-        PenaltyReport { value: 0.5 * self.weight2 * vector::dot(&gap, &gap), energy: None }
+        vector::add_scaled(&mut grad[self.nodes()], self.weight.squared, &gap);
+        PenaltyReport { value: 0.5 * self.weight.squared * vector::dot(&gap, &gap), energy: None }
     }
 
     fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport {
@@ -174,7 +171,10 @@ impl<P: Pointwise> Term for PixelTerm<P> {
     fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual {
         let z: Vec<f64> = p.iter().zip(u).map(|(p, u)| p + u).collect();
         let gap: Vec<f64> = x[self.nodes()].iter().zip(&z).map(|(x, z)| x - z).collect();
-        Residual { gap2: self.weight2 * vector::dot(&gap, &gap), size2: self.weight2 * vector::dot(&z, &z) }
+        Residual {
+            gap2: self.weight.squared * vector::dot(&gap, &gap),
+            size2: self.weight.squared * vector::dot(&z, &z),
+        }
     }
 
     fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -183,7 +183,7 @@ impl<P: Pointwise> Term for PixelTerm<P> {
 
     fn add_normal(&self, pattern: &SymPattern, values: &mut [f64]) {
         for node in self.nodes().take_while(|node| *node < pattern.n()) {
-            values[pattern.diagonal_slot(node)] += self.weight2;
+            values[pattern.diagonal_slot(node)] += self.weight.squared;
         }
     }
 
@@ -194,16 +194,15 @@ impl<P: Pointwise> Term for PixelTerm<P> {
 
     fn scale(&self) -> Scale {
         let measure = self.grid.n_pixels() as f64;
-        Scale { measure, weight2: self.weight2 * measure, energy: 0.5 * self.of.force() * measure, hessian: 1.0 }
+        Scale { measure, weight2: self.weight.squared * measure, energy: 0.5 * self.of.force() * measure, hessian: 1.0 }
     }
 
     fn local_weights2(&self, out: &mut [f64]) {
-        out.fill(self.weight2);
+        out.fill(self.weight.squared);
     }
 
     fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
-        self.candidate = self.weight2.clamp(range.0 * self.base, range.1 * self.base);
-        (self.candidate / self.weight2).max(self.weight2 / self.candidate)
+        self.weight.propose(range)
     }
 
     fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
@@ -211,12 +210,6 @@ impl<P: Pointwise> Term for PixelTerm<P> {
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
-        let ratio = self.weight2 / self.candidate;
-        for (p, u) in p.iter_mut().zip(u) {
-            let z = *p + *u;
-            *u *= ratio;
-            *p = z - *u;
-        }
-        self.weight2 = self.candidate;
+        self.weight.take(p, u);
     }
 }

@@ -1,6 +1,7 @@
 //! Functions of linear maps of fields that are given by their stencils.
 
 use super::pass::{Sums, begin};
+use super::weight::Weight;
 use crate::{Grid, Pointwise};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{
@@ -32,9 +33,7 @@ pub struct StencilTerm<S, P> {
     grid: Grid,
     stencil: S,
     of: P,
-    weight2: f64,
-    base: f64, // weight2 as it was built
-    candidate: f64,
+    weight: Weight,
     parts: Vec<LocalReport>, // of each row
 }
 
@@ -42,7 +41,7 @@ impl<S: Stencil, P: Pointwise> StencilTerm<S, P> {
     /// With the penalty w^2 = `weight2` > 0.
     pub fn new(grid: Grid, stencil: S, of: P, weight2: f64) -> Self {
         let parts = vec![LocalReport::default(); grid.height];
-        StencilTerm { grid, stencil, of, weight2, base: weight2, candidate: weight2, parts }
+        StencilTerm { grid, stencil, of, weight: Weight::new(weight2), parts }
     }
 
     fn local_row(&self) -> usize {
@@ -62,10 +61,10 @@ impl<S: Stencil, P: Pointwise> StencilTerm<S, P> {
         rows.with_min_len(this.grid.task_rows()).for_each_init(scratch, |(c, v), (row, ((p, u), part))| {
             this.stencil.row(this.grid, x, row, c);
             begin(cycle.relaxation, c, p, u, v);
-            let value_after = this.of.prox(this.pixels(row), v, this.weight2);
+            let value_after = this.of.prox(this.pixels(row), v, this.weight.squared);
             let mut sums = Sums::default();
             sums.end(cycle.order, c, v, p, u);
-            *part = sums.report(this.weight2, LocalReport { value_after, ..LocalReport::default() });
+            *part = sums.report(this.weight.squared, LocalReport { value_after, ..LocalReport::default() });
         });
         let mut report = LocalReport::default();
         parts.iter().for_each(|part| report += *part);
@@ -115,7 +114,7 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
         let mut c = vec![0.0; p.len()];
         self.couple(x, &mut c);
         let half_square =
-            |values: &mut dyn Iterator<Item = f64>| 0.5 * self.weight2 * values.map(|v| v * v).sum::<f64>();
+            |values: &mut dyn Iterator<Item = f64>| 0.5 * self.weight.squared * values.map(|v| v * v).sum::<f64>();
         let z: Vec<f64> = p.iter().zip(u.iter()).map(|(p, u)| p + u).collect();
         let value_before = self.local_value(&z).unwrap_or(0.0);
         // c + u - z with the u that the prox is taken with: over-relaxed it is u + (alpha - 1)(c - z).
@@ -124,7 +123,7 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
         let penalty_before = half_square(&mut v.iter().zip(&z).map(|(v, z)| v - z));
         let report = self.sweep(cycle, x, p, u);
         let penalty_after = 0.5
-            * self.weight2
+            * self.weight.squared
             * v.iter().zip(p.iter().zip(u.iter())).map(|(v, (p, u))| (v - (p + u)).powi(2)).sum::<f64>();
         let objective = self.penalty(x, p, grad).value;
         LocalReport { value_before, penalty_before, penalty_after, objective, ..report }
@@ -132,7 +131,7 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
 
     fn pull_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], pull: &mut [f64]) -> LocalReport {
         let report = self.sweep(cycle, x, p, u);
-        self.stencil.add_adjoint(self.grid, -self.weight2, p, pull);
+        self.stencil.add_adjoint(self.grid, -self.weight.squared, p, pull);
         report
     }
 
@@ -153,7 +152,7 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
         u.copy_from_slice(z);
         u.par_chunks_mut(self.local_row()).enumerate().for_each(|(row, u)| {
             self.of.gradient(self.pixels(row), u);
-            u.iter_mut().for_each(|u| *u /= self.weight2);
+            u.iter_mut().for_each(|u| *u /= self.weight.squared);
         });
     }
 
@@ -166,8 +165,8 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
         let mut gap = vec![0.0; p.len()];
         self.couple(x, &mut gap);
         gap.par_iter_mut().zip(p).for_each(|(c, p)| *c -= p);
-        self.stencil.add_adjoint(self.grid, self.weight2, &gap, grad);
-        PenaltyReport { value: 0.5 * self.weight2 * vector::dot(&gap, &gap), energy: None }
+        self.stencil.add_adjoint(self.grid, self.weight.squared, &gap, grad);
+        PenaltyReport { value: 0.5 * self.weight.squared * vector::dot(&gap, &gap), energy: None }
     }
 
     fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport {
@@ -187,7 +186,10 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
         let mut gap = vec![0.0; z.len()];
         self.couple(x, &mut gap);
         gap.iter_mut().zip(&z).for_each(|(c, z)| *c -= z);
-        Residual { gap2: self.weight2 * vector::dot(&gap, &gap), size2: self.weight2 * vector::dot(&z, &z) }
+        Residual {
+            gap2: self.weight.squared * vector::dot(&gap, &gap),
+            size2: self.weight.squared * vector::dot(&z, &z),
+        }
     }
 
     fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {
@@ -207,7 +209,7 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
                     {
                         // A node that stands twice in a number meets itself twice.
                         let twice = if a == b && !std::ptr::eq(fa, fb) { 2.0 } else { 1.0 };
-                        values[slot] += twice * self.weight2 * fa * fb;
+                        values[slot] += twice * self.weight.squared * fa * fb;
                     }
                 }
             }
@@ -227,16 +229,15 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
 
     fn scale(&self) -> Scale {
         let measure = self.grid.n_pixels() as f64;
-        Scale { measure, weight2: self.weight2 * measure, energy: 0.5 * self.of.force() * measure, hessian: 1.0 }
+        Scale { measure, weight2: self.weight.squared * measure, energy: 0.5 * self.of.force() * measure, hessian: 1.0 }
     }
 
     fn local_weights2(&self, out: &mut [f64]) {
-        out.fill(self.weight2);
+        out.fill(self.weight.squared);
     }
 
     fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
-        self.candidate = self.weight2.clamp(range.0 * self.base, range.1 * self.base);
-        (self.candidate / self.weight2).max(self.weight2 / self.candidate)
+        self.weight.propose(range)
     }
 
     fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
@@ -244,12 +245,6 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
-        let ratio = self.weight2 / self.candidate;
-        for (p, u) in p.iter_mut().zip(u) {
-            let z = *p + *u;
-            *u *= ratio;
-            *p = z - *u;
-        }
-        self.weight2 = self.candidate;
+        self.weight.take(p, u);
     }
 }

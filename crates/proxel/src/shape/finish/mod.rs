@@ -50,7 +50,7 @@ const LEAST: f64 = 1e-2;
 /// A factor is used again as long as a step with it leaves less than this part of sum c^2.
 const FAST: f64 = 0.1;
 
-fn broken(e: SparseError) -> SystemError {
+fn refused(e: SparseError) -> SystemError {
     SystemError::Factor(e.to_string())
 }
 

@@ -1,6 +1,6 @@
 //! The program of a step, on one factor.
 
-use super::{Constraints, broken};
+use super::{Constraints, refused};
 use proxel_linalg::sparse::{BlockMatrix, Cholesky, Ordering, SolveScratch, SymPattern, Symbolic};
 use proxel_model::constraint::{Relation, RowKey, Rows};
 use proxel_split::{Problem, SystemError};
@@ -46,8 +46,8 @@ impl Layout {
         problem.quadratic.form.for_each_pair(&mut |i, j| add(&[i, j]));
         (0..rows.len()).for_each(|r| add(rows.row(r).0));
         let cliques: Vec<&[u32]> = ends.windows(2).map(|w| &flat[w[0]..w[1]]).collect();
-        let pattern = SymPattern::from_cliques(problem.n_free, &cliques).map_err(broken)?;
-        let symbolic = Symbolic::analyze(&pattern, Ordering::Auto).and_then(|s| s.expanded(3)).map_err(broken)?;
+        let pattern = SymPattern::from_cliques(problem.n_free, &cliques).map_err(refused)?;
+        let symbolic = Symbolic::analyze(&pattern, Ordering::Auto).and_then(|s| s.expanded(3)).map_err(refused)?;
         let mut hessian = vec![0.0; pattern.nnz()];
         problem.quadratic.form.add_to(&pattern, &mut hessian);
         soft().for_each(|term| term.add_normal(&pattern, &mut hessian));
@@ -56,7 +56,7 @@ impl Layout {
                 hessian[slot] += k;
             }
         }
-        let matrix = BlockMatrix::new(&pattern, 3).map_err(broken)?;
+        let matrix = BlockMatrix::new(&pattern, 3).map_err(refused)?;
         let (factor, workspace) = symbolic.factor_bytes::<f64>();
         let bytes = factor as f64 + workspace as f64;
         Ok(Layout { pattern, matrix, factor: Cholesky::new(Arc::new(symbolic)), bytes, hessian })
@@ -168,7 +168,7 @@ impl Program {
     fn refactor(&mut self, tau: f64, rho: f64) -> Result<(), SystemError> {
         let Layout { pattern, matrix, factor, hessian, .. } = &mut self.layout;
         matrix.values_mut().fill(0.0);
-        matrix.add_identities(hessian).map_err(broken)?;
+        matrix.add_identities(hessian).map_err(refused)?;
         for i in 0..pattern.n() {
             matrix.add_to_diagonal(i, tau);
         }
