@@ -72,6 +72,7 @@ class ShapeSettings(TypedDict, total=False):
     fairing: float
     tol: float  # 1e-09
     max_iters: int  # 5000
+    memory: float  # 8000000000.0
     time_limit: float | None  # None
     threads: int | None  # None
 
@@ -89,6 +90,7 @@ class WireSettings(TypedDict, total=False):
     fairing: float  # 0.0
     tol: float  # 1e-09
     max_iters: int  # 5000
+    memory: float  # 8000000000.0
     time_limit: float | None  # None
     threads: int | None  # None
 
@@ -110,8 +112,13 @@ class RestoreSettings(TypedDict, total=False):
 
     method: str  # 'auto'
     boundary: str  # 'auto'
+    data: str  # 'quadratic'
+    threshold: float | None  # None
+    scale: int  # 1
     noise: float | None  # None
     lambda_: float | None  # None
+    regulariser: str  # 'tv'
+    tgv_ratio: float  # 2.0
     variation: str  # 'vectorial'
     range: Sequence[float] | None  # None
     penalty: float | None  # None
