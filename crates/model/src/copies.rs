@@ -1,98 +1,128 @@
 //! Copies of nodes that have to lie in a set together.
 
+mod slots;
+
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
+use proxel_split::{
+    Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Sweep, Term, Uncoupled,
+};
 use rayon::prelude::*;
+use slots::{CHUNK, Part, Slots};
+use std::ops::{AddAssign, Range};
 
-/// A set of vectors of copies, known by its projection.
-pub trait JointSet: Send + Sync {
-    /// v <- the nearest point of the set, in the norm of the weights that the set was made with.
-    fn project(&mut self, v: &mut [f64]);
+/// A set of vectors of copies, D numbers each, known by its projection. Whatever copies have to do with each other goes
+/// through one number of each, its image.
+pub trait JointSet<const D: usize>: Send + Sync {
+    /// Images of all slots, and how many numbers [`Self::join`] puts behind them.
+    fn n_images(&self) -> usize;
 
-    /// How far v is outside, in units of the set; 0 inside.
-    fn violation(&mut self, v: &[f64]) -> f64;
+    /// The image of the copy v in a slot.
+    fn image(&self, slot: usize, v: [f64; D]) -> f64;
+
+    /// Fills what follows the images of the slots.
+    fn join(&self, images: &mut [f64]);
+
+    /// What the slot, whose copy is v, has in the point of the set that is nearest to the copies with these images, in the norm
+    /// of the weights that the set was made with.
+    fn nearest(&self, slot: usize, v: [f64; D], images: &[f64]) -> [f64; D];
+
+    /// How far the copies with these images are outside, in units of the set; 0 inside.
+    fn violation(&self, images: &[f64]) -> f64;
 }
 
-/// The indicator of a [`JointSet`] of copies of nodes, D numbers each: z_h = x_node(h), for each of some slots h.
+/// The indicator of a [`JointSet`] of copies of nodes, D numbers each: z_h = x_node(h), for each of some slots h, which are
+/// in the order of their nodes.
 ///
 /// A slot has a weight w_h^2 of its own; where that is 0 it stands for nothing. Distances are sum_h w_h^2 |.|^2. Weights
 /// stay as they are.
 pub struct Copies<const D: usize, S> {
     set: S,
-    nodes: Vec<u32>,   // of each slot
-    offsets: Vec<u32>, // slots of node i: slots[offsets[i]..offsets[i + 1]], in ascending order
-    slots: Vec<u32>,
+    slots: Slots,
     weight2: Vec<f64>,
-    v: Vec<f64>,
+    images: Vec<f64>,
 }
 
-/// Slots that a task handles.
-const CHUNK: usize = 4096;
+#[inline]
+fn load<const D: usize>(x: &[f64], at: usize) -> [f64; D] {
+    let mut v = [0.0; D];
+    v.copy_from_slice(&x[at * D..(at + 1) * D]);
+    v
+}
 
-impl<const D: usize, S: JointSet> Copies<D, S> {
-    /// Slots by the node that each is a copy of, out of `n`, and by its squared weight. Slots of nodes that do not exist
-    /// count for nothing.
-    pub fn new(set: S, n: usize, nodes: Vec<u32>, mut weight2: Vec<f64>) -> Self {
-        weight2.resize(nodes.len(), 0.0);
-        let mut offsets = vec![0u32; n + 1];
-        for node in nodes.iter().filter(|node| (**node as usize) < n) {
-            offsets[*node as usize + 1] += 1;
-        }
-        for i in 0..n {
-            offsets[i + 1] += offsets[i];
-        }
-        let mut next = offsets.clone();
-        let mut slots = vec![0u32; offsets[n] as usize];
-        for (h, node) in nodes.iter().enumerate().filter(|(_, node)| (**node as usize) < n) {
-            slots[next[*node as usize] as usize] = h as u32;
-            next[*node as usize] += 1;
-        }
-        let v = vec![0.0; nodes.len() * D];
-        Copies { set, nodes, offsets, slots, weight2, v }
+#[inline]
+fn store<const D: usize>(x: &mut [f64], at: usize, v: [f64; D]) {
+    x[at * D..(at + 1) * D].copy_from_slice(&v);
+}
+
+#[inline]
+fn each<const D: usize>(f: impl Fn(usize) -> f64) -> [f64; D] {
+    std::array::from_fn(f)
+}
+
+/// |a - b|^2
+#[inline]
+fn distance2<const D: usize>(a: [f64; D], b: [f64; D]) -> f64 {
+    (0..D).map(|d| (a[d] - b[d]) * (a[d] - b[d])).sum()
+}
+
+impl<const D: usize, S: JointSet<D>> Copies<D, S> {
+    /// For each node how many slots it has, and for each slot its squared weight; slots without one weigh nothing.
+    pub fn new(set: S, counts: impl IntoIterator<Item = u32>, mut weight2: Vec<f64>) -> Self {
+        let slots = Slots::new(counts);
+        weight2.resize(slots.len(), 0.0);
+        let images = vec![0.0; set.n_images().max(slots.len())];
+        Copies { set, slots, weight2, images }
     }
 
-    fn of(x: &[f64], node: u32) -> [f64; D] {
-        let mut copy = [0.0; D];
-        if let Some(x) = x.get(node as usize * D..(node as usize + 1) * D) {
-            copy.copy_from_slice(x);
-        }
-        copy
+    /// The images of the copies that `v` gives for a node and a slot.
+    fn take_images(&mut self, v: impl Fn(usize, usize) -> [f64; D] + Sync) {
+        let (set, slots) = (&self.set, &self.slots);
+        let of_slots = &mut self.images[..self.weight2.len()];
+        slots.fill(0..slots.n_nodes(), 1, of_slots, &|nodes, images| {
+            let first = slots.before(nodes.start);
+            for node in nodes {
+                for h in slots.of(node) {
+                    images[h - first] = set.image(h, v(node, h));
+                }
+            }
+        });
+        set.join(&mut self.images);
     }
 
     /// grad <- grad + sum_h w_h^2 (x - p_h), node by node.
     fn add_gradient(&self, x: &[f64], p: &[f64], grad: &mut [f64]) {
-        let (offsets, slots, weight2) = (&self.offsets, &self.slots, &self.weight2);
         grad.par_chunks_exact_mut(D).with_min_len(CHUNK).enumerate().for_each(|(node, grad)| {
-            let Some(range) = offsets.get(node).zip(offsets.get(node + 1)) else { return };
-            let x: [f64; D] = Self::of(x, node as u32);
-            for h in &slots[*range.0 as usize..*range.1 as usize] {
-                let (h, w2) = (*h as usize, weight2[*h as usize]);
-                for d in 0..D {
-                    grad[d] += w2 * (x[d] - p[h * D + d]);
-                }
+            let x: [f64; D] = load(x, node);
+            for h in self.slots.of(node) {
+                let (p, w2): ([f64; D], f64) = (load(p, h), self.weight2[h]);
+                (0..D).for_each(|d| grad[d] += w2 * (x[d] - p[d]));
             }
         });
     }
 
-    fn violation(&mut self, x: &[f64]) -> f64 {
-        let nodes = &self.nodes;
-        self.v.par_chunks_exact_mut(D).zip(nodes).with_min_len(CHUNK).for_each(|(v, node)| {
-            v.copy_from_slice(&Self::of(x, *node));
-        });
-        self.set.violation(&self.v)
+    /// The sum over slots of a function of x, p and slot.
+    fn total<R: AddAssign + Default + Send>(&self, f: impl Fn([f64; D], usize, &mut R) + Sync, x: &[f64]) -> R {
+        let leaf = |nodes: Range<usize>| {
+            let mut sum = R::default();
+            for node in nodes {
+                let x = load(x, node);
+                self.slots.of(node).for_each(|h| f(x, h, &mut sum));
+            }
+            sum
+        };
+        let n = self.slots.n_nodes();
+        let starts = (0..n).into_par_iter().step_by(CHUNK);
+        let parts: Vec<R> = starts.map(|from| leaf(from..(from + CHUNK).min(n))).collect();
+        parts.into_iter().fold(R::default(), |mut sum, part| {
+            sum += part;
+            sum
+        })
     }
 }
 
-/// The sum over the slots' chunks, in their order.
-fn total<T: std::ops::AddAssign + Default + Send>(parts: impl IndexedParallelIterator<Item = T>) -> T {
-    let mut total = T::default();
-    parts.collect::<Vec<T>>().into_iter().for_each(|part| total += part);
-    total
-}
-
-impl<const D: usize, S: JointSet> Term for Copies<D, S> {
+impl<const D: usize, S: JointSet<D>> Term for Copies<D, S> {
     fn n_elems(&self) -> usize {
-        self.nodes.len()
+        self.weight2.len()
     }
 
     fn is_hard(&self) -> bool {
@@ -100,7 +130,7 @@ impl<const D: usize, S: JointSet> Term for Copies<D, S> {
     }
 
     fn local_len(&self) -> usize {
-        self.nodes.len() * D
+        self.weight2.len() * D
     }
 
     fn local_dim(&self) -> usize {
@@ -108,9 +138,12 @@ impl<const D: usize, S: JointSet> Term for Copies<D, S> {
     }
 
     fn couple(&mut self, x: &[f64], out: &mut [f64]) {
-        let nodes = &self.nodes;
-        out.par_chunks_exact_mut(D).zip(nodes).with_min_len(CHUNK).for_each(|(out, node)| {
-            out.copy_from_slice(&Self::of(x, *node));
+        let slots = &self.slots;
+        slots.fill(0..slots.n_nodes(), D, out, &|nodes, out| {
+            let first = slots.before(nodes.start);
+            for node in nodes {
+                slots.of(node).for_each(|h| store::<D>(out, h - first, load(x, node)));
+            }
         });
     }
 
@@ -119,86 +152,113 @@ impl<const D: usize, S: JointSet> Term for Copies<D, S> {
     }
 
     fn cycle_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
-        let (nodes, weight2, over) = (&self.nodes, &self.weight2, cycle.relaxation - 1.0);
-        let before = self.v.par_chunks_mut(CHUNK * D).zip(p.par_chunks(CHUNK * D)).zip(u.par_chunks(CHUNK * D));
-        before.zip(nodes.par_chunks(CHUNK)).for_each(|(((v, p), u), nodes)| {
-            for (h, node) in nodes.iter().enumerate() {
-                let c: [f64; D] = Self::of(x, *node);
-                for d in 0..D {
-                    let i = h * D + d;
-                    v[i] = c[d] + u[i] + over * (c[d] - (p[i] + u[i]));
-                }
-            }
-        });
-        // u + c(Dx) - z needs v again; z is written over it, and v is put together once more.
-        self.set.project(&mut self.v);
-        let locals = self.v.par_chunks(CHUNK * D).zip(p.par_chunks_mut(CHUNK * D)).zip(u.par_chunks_mut(CHUNK * D));
-        let slots = nodes.par_chunks(CHUNK).zip(weight2.par_chunks(CHUNK));
-        let report = total(locals.zip(slots).map(|(((z, p), u), (nodes, weight2))| {
+        let over = cycle.relaxation - 1.0;
+        let relaxed = |c: [f64; D], p: [f64; D], u: [f64; D]| each(|d| c[d] + u[d] + over * (c[d] - (p[d] + u[d])));
+        let (before, dual) = (&*p, &*u);
+        self.take_images(|node, h| relaxed(load(x, node), load(before, h), load(dual, h)));
+        let (set, slots, weight2, images) = (&self.set, &self.slots, &self.weight2, &self.images);
+        slots.sum::<D, LocalReport>(0..slots.n_nodes(), Part { p, u, of_nodes: grad }, &|nodes, part| {
+            let (from, first) = (nodes.start, slots.before(nodes.start));
             let mut report = LocalReport::default();
-            for (h, (node, w2)) in nodes.iter().zip(weight2).enumerate() {
-                let c: [f64; D] = Self::of(x, *node);
-                for d in 0..D {
-                    let i = h * D + d;
-                    let (z, before) = (z[i], p[i] + u[i]);
-                    let v = c[d] + u[i] + over * (c[d] - before);
-                    report.penalty_before += 0.5 * w2 * (c[d] - p[i]).powi(2);
-                    report.moved2 += w2 * (z - before).powi(2);
-                    report.gap2_before += w2 * (c[d] - before).powi(2);
-                    report.gap2 += w2 * (c[d] - z).powi(2);
-                    report.penalty_after += 0.5 * w2 * (v - z).powi(2);
-                    if cycle.order == Order::Xzu {
-                        u[i] = v - z;
-                    }
-                    p[i] = z - u[i];
-                    report.objective += 0.5 * w2 * (c[d] - p[i]).powi(2);
+            for node in nodes {
+                let c: [f64; D] = load(x, node);
+                let mut grad: [f64; D] = load(part.of_nodes, node - from);
+                for h in slots.of(node) {
+                    let (p, u): ([f64; D], [f64; D]) = (load(part.p, h - first), load(part.u, h - first));
+                    let (w2, v, before) = (weight2[h], relaxed(c, p, u), each(|d| p[d] + u[d]));
+                    let z = set.nearest(h, v, images);
+                    report.penalty_before += 0.5 * w2 * distance2(c, p);
+                    report.moved2 += w2 * distance2(z, before);
+                    report.gap2_before += w2 * distance2(c, before);
+                    report.gap2 += w2 * distance2(c, z);
+                    report.penalty_after += 0.5 * w2 * distance2(v, z);
+                    let u = if cycle.order == Order::Xzu { each(|d| v[d] - z[d]) } else { u };
+                    let p = each(|d| z[d] - u[d]);
+                    report.objective += 0.5 * w2 * distance2(c, p);
+                    (0..D).for_each(|d| grad[d] += w2 * (c[d] - p[d]));
+                    store(part.u, h - first, u);
+                    store(part.p, h - first, p);
                 }
+                store(part.of_nodes, node - from, grad);
             }
             report
-        }));
-        self.add_gradient(x, p, grad);
-        report
+        })
+    }
+
+    /// Two passes: images first; then, node by node, z, x and u, since nothing else ties nodes to each other.
+    fn sweep(&mut self, own: &Uncoupled, x: &mut [f64], p: &mut [f64], u: &mut [f64]) -> Option<Sweep> {
+        if own.diagonal.len() != self.slots.n_nodes() || own.target.len() != x.len() {
+            return None;
+        }
+        let (at, dual) = (&*x, &*u);
+        self.take_images(|node, h| sum(load(at, node), load(dual, h)));
+        let (set, slots, weight2, images) = (&self.set, &self.slots, &self.weight2, &self.images);
+        Some(slots.sum::<D, Sweep>(0..slots.n_nodes(), Part { p, u, of_nodes: x }, &|nodes, part| {
+            let (from, first) = (nodes.start, slots.before(nodes.start));
+            let mut swept = Sweep::default();
+            for node in nodes {
+                let c: [f64; D] = load(part.of_nodes, node - from);
+                let mut grad = [0.0; D];
+                for h in slots.of(node) {
+                    let (p, u): ([f64; D], [f64; D]) = (load(part.p, h - first), load(part.u, h - first));
+                    let z = set.nearest(h, sum(c, u), images);
+                    swept.local.moved2 += weight2[h] * distance2(z, sum(p, u));
+                    swept.local.gap2 += weight2[h] * distance2(c, z);
+                    let p: [f64; D] = each(|d| z[d] - u[d]);
+                    (0..D).for_each(|d| grad[d] += weight2[h] * (c[d] - p[d]));
+                    store(part.p, h - first, p);
+                }
+                let (k, t, a): (f64, [f64; D], f64) =
+                    (own.stiffness[node], load(&own.target, node), own.diagonal[node]);
+                let moved: [f64; D] = each(|d| c[d] - (grad[d] + k * (c[d] - t[d])) / a);
+                for h in slots.of(node) {
+                    let (p, u): ([f64; D], [f64; D]) = (load(part.p, h - first), load(part.u, h - first));
+                    let z: [f64; D] = sum(p, u);
+                    let u: [f64; D] = each(|d| moved[d] - p[d]);
+                    swept.residual.gap2 += weight2[h] * distance2(moved, z);
+                    swept.residual.size2 += weight2[h] * distance2(z, [0.0; D]);
+                    swept.shift2 += weight2[h] * distance2(moved, c);
+                    store(part.p, h - first, each::<D>(|d| z[d] - u[d]));
+                    store(part.u, h - first, u);
+                }
+                store(part.of_nodes, node - from, moved);
+            }
+            swept
+        }))
     }
 
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
-        let slots = self.nodes.par_chunks(CHUNK).zip(self.weight2.par_chunks(CHUNK));
-        let value = total(p.par_chunks(CHUNK * D).zip(slots).map(|(p, (nodes, weight2))| {
-            let mut value = 0.0;
-            for (h, (node, w2)) in nodes.iter().zip(weight2).enumerate() {
-                let c: [f64; D] = Self::of(x, *node);
-                value += (0..D).map(|d| 0.5 * w2 * (c[d] - p[h * D + d]).powi(2)).sum::<f64>();
-            }
-            value
-        }));
+        let weight2 = &self.weight2;
+        let value = self.total(|c, h, value: &mut f64| *value += 0.5 * weight2[h] * distance2(c, load(p, h)), x);
         self.add_gradient(x, p, grad);
         PenaltyReport { value, energy: Some(self.energy(x, None)) }
     }
 
     fn energy(&mut self, x: &[f64], _: Option<&mut [f64]>) -> EnergyReport {
-        EnergyReport { violation: self.violation(x), ..EnergyReport::default() }
+        self.take_images(|node, _| load(x, node));
+        EnergyReport { violation: self.set.violation(&self.images), ..EnergyReport::default() }
     }
 
     fn residual(&mut self, x: &[f64], p: &[f64], u: &[f64]) -> Residual {
-        let mut residual = Residual::default();
-        for (h, (node, w2)) in self.nodes.iter().zip(&self.weight2).enumerate() {
-            let c: [f64; D] = Self::of(x, *node);
-            for d in 0..D {
-                let z = p[h * D + d] + u[h * D + d];
-                residual.gap2 += w2 * (c[d] - z).powi(2);
-                residual.size2 += w2 * z * z;
-            }
-        }
-        residual
+        let weight2 = &self.weight2;
+        let add = |c, h: usize, residual: &mut Residual| {
+            let z: [f64; D] = sum(load(p, h), load(u, h));
+            residual.gap2 += weight2[h] * distance2(c, z);
+            residual.size2 += weight2[h] * distance2(z, [0.0; D]);
+        };
+        self.total(add, x)
     }
 
     /// Each node by itself: copies of different nodes meet in the set alone.
     fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {
-        self.nodes.iter().for_each(|node| visit(&[*node]));
+        for node in 0..self.slots.n_nodes() {
+            self.slots.of(node).for_each(|_| visit(&[node as u32]));
+        }
     }
 
     fn add_normal(&self, pattern: &SymPattern, values: &mut [f64]) {
-        for (node, w2) in self.nodes.iter().zip(&self.weight2).filter(|(node, _)| (**node as usize) < pattern.n()) {
-            values[pattern.diagonal_slot(*node as usize)] += w2;
+        for node in 0..self.slots.n_nodes().min(pattern.n()) {
+            values[pattern.diagonal_slot(node)] += self.weight2[self.slots.of(node)].iter().sum::<f64>();
         }
     }
 
@@ -229,4 +289,10 @@ impl<const D: usize, S: JointSet> Term for Copies<D, S> {
     }
 
     fn take_weights(&mut self, _: &mut [f64], _: &mut [f64]) {}
+}
+
+/// a + b
+#[inline]
+fn sum<const D: usize>(a: [f64; D], b: [f64; D]) -> [f64; D] {
+    each(|d| a[d] + b[d])
 }

@@ -4,9 +4,6 @@
 use crate::copies::JointSet;
 use rayon::prelude::*;
 
-/// No edge.
-const NONE: u32 = u32::MAX;
-
 /// Numbers handled by one task.
 const CHUNK: usize = 4096;
 
@@ -14,129 +11,156 @@ const CHUNK: usize = 4096;
 /// vector e of every edge. Slot 3 f + k is the copy of G_f for the k-th edge of face f, two numbers.
 ///
 /// The projection in the norm sum_f A_f |.|^2 takes from each copy along e what it has more than the mean of all copies at
-/// that edge, weighted by area; an edge may have any number of faces.
+/// that edge, weighted by area; an edge may have any number of faces. The image of a copy is its part along e.
 pub struct AlongEdges {
-    direction: Vec<[f64; 2]>, // unit vector of the edge of each slot, in the frame of its face
-    edge: Vec<u32>,           // of each slot
-    offsets: Vec<u32>,        // slots of an edge
-    slots: Vec<u32>,
-    area: Vec<f64>, // of each face
-    mean: Vec<f64>, // of each edge
+    direction: Vec<[f64; 2]>, // e of each slot, in the frame of its face
+    other: Vec<u32>, // the image beside which that of a slot counts: that of the other face, or a mean of several
+    share: Vec<f64>, // of the slot's own image in the mean
+    crowded: Vec<Crowded>, // edges with more than two faces, whose means follow the images of the slots
 }
+
+/// The slots at an edge, and their shares in its mean.
+struct Crowded(Vec<(u32, f64)>);
 
 impl AlongEdges {
     /// For each face its area, its edges by number, out of `n_edges`, and their unit vectors from the vertex of lower number,
-    /// in the frame of the face.
-    pub fn new(n_edges: usize, edges: &[[u32; 3]], directions: &[[[f64; 2]; 3]], area: Vec<f64>) -> Self {
-        let edge: Vec<u32> = edges.iter().flatten().map(|e| if (*e as usize) < n_edges { *e } else { NONE }).collect();
+    /// in the frame of the face. Edges that do not exist count as borders.
+    pub fn new(n_edges: usize, edges: &[[u32; 3]], directions: &[[[f64; 2]; 3]], area: &[f64]) -> Self {
         let mut direction: Vec<[f64; 2]> = directions.iter().flatten().copied().collect();
-        direction.resize(edge.len(), [0.0; 2]);
-        let mut offsets = vec![0u32; n_edges + 1];
-        for e in edge.iter().filter(|e| **e != NONE) {
-            offsets[*e as usize + 1] += 1;
+        direction.resize(3 * edges.len(), [0.0; 2]);
+        let mut at = vec![Vec::new(); n_edges]; // slots and areas
+        for (h, e) in edges.iter().flatten().enumerate() {
+            if let Some(at) = at.get_mut(*e as usize) {
+                at.push((h as u32, area.get(h / 3).copied().unwrap_or(1.0)));
+            }
         }
-        for e in 0..n_edges {
-            offsets[e + 1] += offsets[e];
+        let mut other: Vec<u32> = (0..direction.len() as u32).collect();
+        let (mut share, mut crowded) = (vec![1.0; other.len()], Vec::new());
+        for mut slots in at {
+            let total: f64 = slots.iter().map(|(_, area)| area).sum();
+            slots.iter_mut().for_each(|(_, part)| *part /= total);
+            match slots[..] {
+                [] | [_] => (),
+                [(a, of_a), (b, of_b)] => {
+                    (other[a as usize], share[a as usize]) = (b, of_a);
+                    (other[b as usize], share[b as usize]) = (a, of_b);
+                }
+                _ => {
+                    let mean = (direction.len() + crowded.len()) as u32;
+                    for (h, _) in &slots {
+                        (other[*h as usize], share[*h as usize]) = (mean, 0.0);
+                    }
+                    crowded.push(Crowded(slots));
+                }
+            }
         }
-        let mut next = offsets.clone();
-        let mut slots = vec![0u32; offsets[n_edges] as usize];
-        for (h, e) in edge.iter().enumerate().filter(|(_, e)| **e != NONE) {
-            slots[next[*e as usize] as usize] = h as u32;
-            next[*e as usize] += 1;
-        }
-        let mut area = area;
-        area.resize(edge.len() / 3, 1.0);
-        AlongEdges { direction, edge, offsets, slots, area, mean: vec![0.0; n_edges] }
+        AlongEdges { direction, other, share, crowded }
     }
 
     /// Whether the slot shares its edge with another.
     pub fn is_shared(&self, slot: usize) -> bool {
-        self.edge.get(slot).filter(|e| **e != NONE).is_some_and(|e| {
-            let e = *e as usize;
-            self.offsets[e + 1] - self.offsets[e] > 1
-        })
+        self.other.get(slot).is_some_and(|other| *other as usize != slot)
     }
 
-    fn along(&self, v: &[f64], slot: usize) -> f64 {
-        let e = self.direction[slot];
-        e[0] * v[2 * slot] + e[1] * v[2 * slot + 1]
-    }
-
-    fn take_means(&mut self, v: &[f64]) {
-        let mut mean = std::mem::take(&mut self.mean);
-        mean.par_iter_mut().with_min_len(CHUNK).enumerate().for_each(|(e, mean)| {
-            let (mut sum, mut area) = (0.0, 0.0);
-            for h in &self.slots[self.offsets[e] as usize..self.offsets[e + 1] as usize] {
-                let a = self.area[*h as usize / 3];
-                sum += a * self.along(v, *h as usize);
-                area += a;
-            }
-            *mean = if area > 0.0 { sum / area } else { 0.0 };
-        });
-        self.mean = mean;
+    /// What the image of a slot has more than the mean of its edge.
+    #[inline]
+    fn excess(&self, slot: usize, images: &[f64]) -> f64 {
+        (1.0 - self.share[slot]) * (images[slot] - images[self.other[slot] as usize])
     }
 }
 
-impl JointSet for AlongEdges {
-    fn project(&mut self, v: &mut [f64]) {
-        self.take_means(v);
-        let (edge, mean, direction) = (&self.edge, &self.mean, &self.direction);
-        v.par_chunks_exact_mut(2).zip(edge).zip(direction).with_min_len(CHUNK).for_each(|((v, edge), e)| {
-            let Some(mean) = mean.get(*edge as usize) else { return };
-            let excess = e[0] * v[0] + e[1] * v[1] - mean;
-            v[0] -= excess * e[0];
-            v[1] -= excess * e[1];
-        });
+impl JointSet<2> for AlongEdges {
+    fn n_images(&self) -> usize {
+        self.direction.len() + self.crowded.len()
     }
 
-    /// The largest difference along an edge.
-    fn violation(&mut self, v: &[f64]) -> f64 {
-        self.take_means(v);
-        let excess = |(h, edge): (usize, &u32)| {
-            self.mean.get(*edge as usize).map_or(0.0, |mean| (self.along(v, h) - mean).abs())
-        };
-        let worst = |a: f64, b: f64| if b <= a { a } else { b };
-        self.edge.par_iter().enumerate().with_min_len(CHUNK).map(excess).reduce(|| 0.0, worst)
+    #[inline]
+    fn image(&self, slot: usize, v: [f64; 2]) -> f64 {
+        let e = self.direction[slot];
+        e[0] * v[0] + e[1] * v[1]
     }
+
+    fn join(&self, images: &mut [f64]) {
+        let (of_slots, means) = images.split_at_mut(self.direction.len());
+        for (mean, Crowded(slots)) in means.iter_mut().zip(&self.crowded) {
+            *mean = slots.iter().map(|(h, share)| share * of_slots[*h as usize]).sum();
+        }
+    }
+
+    #[inline]
+    fn nearest(&self, slot: usize, v: [f64; 2], images: &[f64]) -> [f64; 2] {
+        let (e, excess) = (self.direction[slot], self.excess(slot, images));
+        [v[0] - excess * e[0], v[1] - excess * e[1]]
+    }
+
+    /// The largest difference along an edge from its mean.
+    fn violation(&self, images: &[f64]) -> f64 {
+        let excess = |slot: usize| self.excess(slot, images).abs();
+        (0..self.direction.len()).into_par_iter().with_min_len(CHUNK).map(excess).reduce(|| 0.0, worst)
+    }
+}
+
+/// The larger one, or what is no number.
+fn worst(a: f64, b: f64) -> f64 {
+    if b <= a { a } else { b }
 }
 
 /// Differences x_e along edges, whose sum around every face is zero: s_1 x_1 + s_2 x_2 + s_3 x_3 = 0 with the signs with which
-/// the face runs through them. Slot 3 f + k is the copy of x_e for the k-th edge of face f, one number.
+/// the face runs through them. Each slot is the copy of an x_e for a face, one number, which is its image too.
 ///
 /// The projection in the norm sum_e (.)^2 / l_e^2 spreads what is wrong over the edges by the squares of their lengths.
 pub struct AroundFaces {
-    shares: Vec<[f64; 3]>, // s_k l_k^2 / sum l^2
-    signs: Vec<[f64; 3]>,
+    faces: Vec<[(u32, f64); 3]>, // slots and signs
+    at: Vec<(u32, f64)>,         // of each slot its face, and s_k l_k^2 / sum l^2
     scale: f64,
 }
 
 impl AroundFaces {
-    /// For each face the signs and the lengths of its edges.
-    pub fn new(signs: Vec<[f64; 3]>, lengths: &[[f64; 3]]) -> Self {
-        let shares = signs.iter().zip(lengths).map(|(s, l)| {
+    /// For each face its slots, which are 0 .. 3 n each once, the signs and the lengths of its edges.
+    pub fn new(slots: &[[u32; 3]], signs: &[[f64; 3]], lengths: &[[f64; 3]]) -> Self {
+        let mut at = vec![(0, 0.0); 3 * slots.len()];
+        for (f, ((slots, s), l)) in slots.iter().zip(signs).zip(lengths).enumerate() {
             let total: f64 = l.iter().map(|l| l * l).sum();
-            [0, 1, 2].map(|k| s[k] * l[k] * l[k] / total)
-        });
+            for k in 0..3 {
+                if let Some(at) = at.get_mut(slots[k] as usize) {
+                    *at = (f as u32, s[k] * l[k] * l[k] / total);
+                }
+            }
+        }
+        let faces = slots.iter().zip(signs).map(|(slots, s)| [0, 1, 2].map(|k| (slots[k], s[k]))).collect();
         let scale = lengths.iter().flatten().sum::<f64>() / (3 * lengths.len()).max(1) as f64;
-        AroundFaces { shares: shares.collect(), signs, scale }
+        AroundFaces { faces, at, scale }
+    }
+
+    #[inline]
+    fn sum(&self, face: usize, images: &[f64]) -> f64 {
+        let [a, b, c] = self.faces[face].map(|(slot, sign)| sign * images[slot as usize]);
+        a + b + c
     }
 }
 
-impl JointSet for AroundFaces {
-    fn project(&mut self, v: &mut [f64]) {
-        let faces = v.par_chunks_exact_mut(3).zip(&self.signs).zip(&self.shares);
-        faces.with_min_len(CHUNK).for_each(|((v, s), share)| {
-            let sum: f64 = (0..3).map(|k| s[k] * v[k]).sum();
-            (0..3).for_each(|k| v[k] -= share[k] * sum);
-        });
+impl JointSet<1> for AroundFaces {
+    fn n_images(&self) -> usize {
+        self.at.len()
+    }
+
+    #[inline]
+    fn image(&self, _: usize, v: [f64; 1]) -> f64 {
+        v[0]
+    }
+
+    fn join(&self, _: &mut [f64]) {}
+
+    #[inline]
+    fn nearest(&self, slot: usize, v: [f64; 1], images: &[f64]) -> [f64; 1] {
+        let (face, share) = self.at[slot];
+        [v[0] - share * self.sum(face as usize, images)]
     }
 
     /// The largest sum around a face, in mean lengths of edges.
-    fn violation(&mut self, v: &[f64]) -> f64 {
-        let worst = |a: f64, b: f64| if b <= a { a } else { b };
-        let faces = v.par_chunks_exact(3).zip(&self.signs).with_min_len(CHUNK);
-        let sums = faces.map(|(v, s)| (0..3).map(|k| s[k] * v[k]).sum::<f64>().abs() / self.scale);
-        sums.reduce(|| 0.0, worst)
+    fn violation(&self, images: &[f64]) -> f64 {
+        let sum = |face: usize| self.sum(face, images).abs() / self.scale;
+        (0..self.faces.len()).into_par_iter().with_min_len(CHUNK).map(sum).reduce(|| 0.0, worst)
     }
 }
 
@@ -144,31 +168,50 @@ impl JointSet for AroundFaces {
 mod tests {
     use super::*;
 
+    /// The images of copies, one after another.
+    fn images<const D: usize>(set: &impl JointSet<D>, v: &[f64]) -> Vec<f64> {
+        let (copies, _) = v.as_chunks::<D>();
+        let mut images = vec![0.0; set.n_images()];
+        copies.iter().enumerate().for_each(|(h, v)| images[h] = set.image(h, *v));
+        set.join(&mut images);
+        images
+    }
+
+    fn project<const D: usize>(set: &impl JointSet<D>, v: &mut [f64]) {
+        let images = images(set, v);
+        let (copies, _) = v.as_chunks_mut::<D>();
+        copies.iter_mut().enumerate().for_each(|(h, v)| *v = set.nearest(h, *v, &images));
+    }
+
+    fn violation<const D: usize>(set: &impl JointSet<D>, v: &[f64]) -> f64 {
+        set.violation(&images(set, v))
+    }
+
     /// Two triangles with a common edge, number 0, and a third one at it.
     fn three() -> AlongEdges {
         let turned = |a: f64| [a.cos(), a.sin()];
         let directions = [0.3, 1.1, 2.0].map(|a| [turned(a), turned(a + 1.0), turned(a + 2.0)]);
-        AlongEdges::new(7, &[[0, 1, 2], [0, 3, 4], [0, 5, 6]], &directions, vec![1.0, 2.0, 0.5])
+        AlongEdges::new(7, &[[0, 1, 2], [0, 3, 4], [0, 5, 6]], &directions, &[1.0, 2.0, 0.5])
     }
 
     /// In the norm of areas the projection is the nearest point: what it takes away is normal to the set, and what is in the
     /// set stays.
     #[test]
     fn copies_along_an_edge() {
-        let mut set = three();
+        let set = three();
         let v: Vec<f64> = (0..18).map(|i| (i as f64 * 0.7).sin()).collect();
         let mut z = v.clone();
-        set.project(&mut z);
-        assert!(set.violation(&v) > 0.1 && set.violation(&z) < 1e-15);
+        project(&set, &mut z);
+        assert!(violation(&set, &v) > 0.1 && violation(&set, &z) < 1e-15);
         let mut again = z.clone();
-        set.project(&mut again);
+        project(&set, &mut again);
         assert!(z.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-15));
         // Any other point of the set is as far or farther.
         let area = [1.0, 2.0, 0.5];
         let distance = |y: &[f64]| -> f64 { (0..18).map(|i| area[i / 6] * (y[i] - v[i]).powi(2)).sum() };
         for k in 0..50 {
             let mut y: Vec<f64> = (0..18).map(|i| z[i] + 0.1 * ((i + 18 * k) as f64 * 1.3).cos()).collect();
-            set.project(&mut y);
+            project(&set, &mut y);
             assert!(distance(&y) >= distance(&z), "{k}");
         }
         // Edges of one face are free.
@@ -177,14 +220,14 @@ mod tests {
 
     #[test]
     fn sums_around_a_face() {
-        let mut set = AroundFaces::new(vec![[1.0, -1.0, 1.0]], &[[1.0, 2.0, 1.5]]);
+        let set = AroundFaces::new(&[[0, 1, 2]], &[[1.0, -1.0, 1.0]], &[[1.0, 2.0, 1.5]]);
         let v = [0.4, 0.1, -0.9];
         let mut z = v;
-        set.project(&mut z);
+        project(&set, &mut z);
         assert!((z[0] - z[1] + z[2]).abs() < 1e-15);
         // z - v is s l^2 times one number.
         let ratio = [(z[0] - v[0]) / 1.0, -(z[1] - v[1]) / 4.0, (z[2] - v[2]) / 2.25];
         assert!((ratio[0] - ratio[1]).abs() < 1e-15 && (ratio[0] - ratio[2]).abs() < 1e-15);
-        assert!((set.violation(&v) - 0.6 / 1.5).abs() < 1e-15);
+        assert!((violation(&set, &v) - 0.6 / 1.5).abs() < 1e-15);
     }
 }

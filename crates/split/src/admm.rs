@@ -10,15 +10,17 @@
 
 mod method;
 mod safe;
+mod sweep;
 mod weights;
 
 use crate::balancing::{Balance, Balancing};
 use crate::penalty::SafePenalty;
 use crate::{
     BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, NormalMatrix, Objective, Order, Problem,
-    Pull, Reweighting, StepReport, SystemError, Term, Trial, reweight::Settling,
+    Pull, Reweighting, StepReport, Sweep, SystemError, Term, Trial, reweight::Settling,
 };
 use rayon::prelude::*;
+use sweep::Sweeping;
 
 /// Numbers handled by one task.
 const CHUNK: usize = 8192;
@@ -62,6 +64,8 @@ pub struct Admm {
     balancing: Option<Balance>,
     safe: Option<SafePenalty>,
     settling: Settling,
+    sweeping: Sweeping,
+    swept: Option<Sweep>, // where the last iteration was a sweep and nothing has changed since
     iteration: usize,
     energy: Option<EnergyReport>,
     f: Option<f64>, // f(x), where the global step has found it
@@ -119,6 +123,8 @@ impl Admm {
             balancing: None,
             safe: None,
             settling: Settling::default(),
+            sweeping: Sweeping::Unknown,
+            swept: None,
             iteration,
             energy: None,
             f: None,
@@ -143,6 +149,7 @@ impl Admm {
             Order::Zxu => self.u.clone(),
         };
         self.cycle = cycle;
+        self.sweeping = Sweeping::Unknown;
         Ok(self)
     }
 
@@ -159,12 +166,14 @@ impl Admm {
             return Err(BuildError::Order { algorithm: "alm", needs: Order::Zxu });
         }
         self.alternations = alternations;
+        self.sweeping = Sweeping::Unknown;
         Ok(self)
     }
 
     /// Balances the residuals by the penalty from here on.
     pub fn with_balancing(mut self, balancing: Balancing) -> Self {
         self.balancing = Some(Balance::new(balancing));
+        self.sweeping = Sweeping::Unknown;
         self
     }
 
@@ -205,10 +214,17 @@ impl Admm {
         self.settings.global.work()
     }
 
-    /// The first half of an iteration: W(10b) and W(10c).
-    pub(crate) fn local_half(&mut self) -> LocalReport {
+    /// What was known of x, p and u is known no more.
+    fn forget(&mut self) {
         self.evaluation = None;
         self.energy = None;
+        self.f = None;
+        self.swept = None;
+    }
+
+    /// The first half of an iteration: W(10b) and W(10c).
+    pub(crate) fn local_half(&mut self) -> LocalReport {
+        self.forget();
         if self.settings.renewed_at == Some(self.iteration) {
             for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
                 term.couple(&self.x, p);
@@ -291,17 +307,14 @@ impl Admm {
 
     /// Positions of the free nodes, p and u, for an accelerator to read and to set.
     pub(crate) fn state(&mut self) -> State<'_> {
-        self.evaluation = None;
-        self.energy = None;
-        self.f = None;
+        self.forget();
         State { x: &mut self.x[..self.problem.n_free * self.problem.dim], p: &mut self.p, u: &mut self.u }
     }
 
     /// The same, and the problem that it is a state of.
     pub(crate) fn state_and_problem(&mut self) -> (State<'_>, &mut Problem) {
-        self.evaluation = None;
-        self.energy = None;
-        self.f = None;
+        self.forget();
+        self.sweeping = Sweeping::Unknown;
         let n = self.problem.n_free * self.problem.dim;
         (State { x: &mut self.x[..n], p: &mut self.p, u: &mut self.u }, &mut self.problem)
     }
@@ -373,9 +386,8 @@ impl Admm {
         self.settling = Settling::default();
         self.moved2 = f64::INFINITY;
         self.last = None;
-        self.energy = None;
-        self.f = None;
-        self.evaluation = None;
+        self.sweeping = Sweeping::Unknown;
+        self.forget();
     }
 
     /// Problem, matrix, positions and settings, for another method to go on.

@@ -84,6 +84,11 @@ pub trait GlobalStep: Send {
         false
     }
 
+    /// Whether it is x <- x - A^-1 gradient and nothing else, A the normal matrix.
+    fn is_solve(&self) -> bool {
+        false
+    }
+
     /// The weights have changed: forget what was learnt under the old ones.
     fn reset(&mut self);
 
@@ -116,6 +121,10 @@ impl GlobalStep for Direct {
     }
 
     fn is_exact(&self) -> bool {
+        true
+    }
+
+    fn is_solve(&self) -> bool {
         true
     }
 

@@ -43,6 +43,7 @@ mod residual_stop;
 mod response;
 mod reweight;
 mod run;
+mod sweep;
 mod system;
 mod term;
 mod untangle;
@@ -86,6 +87,7 @@ pub use run::{
     Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, PatchGradient, Status, Stop, VIOLATION,
     Verdict, run,
 };
+pub use sweep::{Sweep, Uncoupled};
 pub use system::{NormalMatrix, Precision, SystemError};
 pub use term::{DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
 pub use untangle::{Dial, Relax, Untangle};

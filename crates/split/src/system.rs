@@ -230,17 +230,23 @@ impl NormalMatrix {
     /// # Errors
     /// A vector of another length.
     pub fn solve(&mut self, b: &mut [f64]) -> Result<(), SystemError> {
-        if self.pattern.nnz() == self.pattern.n() && b.len() == self.dim * self.pattern.n() {
-            // Nodes that no element ties to each other: a factor would only be a detour.
-            let nodes = b.par_chunks_exact_mut(self.dim).zip(&self.values).with_min_len(CHUNK);
-            nodes.for_each(|(b, a)| b.iter_mut().for_each(|b| *b /= a));
-        } else {
-            self.factor.solve(b, self.dim, &mut self.scratch)?;
+        match self.diagonal() {
+            // A factor would only be a detour.
+            Some(diagonal) if b.len() == self.dim * diagonal.len() => {
+                let nodes = b.par_chunks_exact_mut(self.dim).zip(diagonal).with_min_len(CHUNK);
+                nodes.for_each(|(b, a)| b.iter_mut().for_each(|b| *b /= a));
+            }
+            _ => self.factor.solve(b, self.dim, &mut self.scratch)?,
         }
         if let Some(within) = &mut self.within {
             within.restrict(b, self.dim);
         }
         Ok(())
+    }
+
+    /// The diagonal, where no element ties nodes to each other and there is nothing beside it.
+    pub fn diagonal(&self) -> Option<&[f64]> {
+        (self.pattern.nnz() == self.pattern.n()).then_some(&self.values)
     }
 
     /// The precision of the factor as it is.

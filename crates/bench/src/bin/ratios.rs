@@ -12,6 +12,9 @@ struct Arguments {
     /// How often each part is timed
     #[arg(long, default_value_t = 30, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
+    /// Only these rows: decompositions, closest, wires, fields, iteration, memory, solves
+    #[arg(long, value_name = "ROWS")]
+    only: Option<String>,
     /// Also solve the model with every tetrahedron in 8, and say how iterations and time grow (minutes)
     #[arg(long)]
     scale: bool,
@@ -26,7 +29,7 @@ fn main() -> ExitCode {
     let result = if arguments.memory_child {
         child()
     } else {
-        measure(usize::from(arguments.repeats), &mut tell).and_then(|rows| {
+        measure(usize::from(arguments.repeats), arguments.only.as_deref(), &mut tell).and_then(|rows| {
             let mut text = table(&rows);
             if arguments.scale {
                 text = format!("{text}\n{}", growth(&mut tell)?);

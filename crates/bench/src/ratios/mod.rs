@@ -2,6 +2,7 @@
 
 mod closest;
 mod decompositions;
+mod fields;
 mod growth;
 mod iteration;
 mod memory;
@@ -85,23 +86,32 @@ pub fn table(rows: &[Row]) -> String {
     table.to_string()
 }
 
-/// Measures all rows that need no other program. `repeats` is how often each part of an iteration is timed.
+/// Rows by the first word of their name.
+type Rows<'a> = (&'a str, &'a dyn Fn(&mut dyn FnMut(&str)) -> Result<Vec<Row>, BenchError>);
+
+/// Measures all rows that need no other program, or the `only` ones. `repeats` is how often each part of an iteration is timed.
 ///
 /// # Errors
-/// Data that cannot be read, a child process that fails.
-pub fn measure(repeats: usize, tell: &mut dyn FnMut(&str)) -> Result<Vec<Row>, BenchError> {
-    tell("decompositions");
-    let mut rows = decompositions::rows(repeats)?;
-    tell("nearest points");
-    rows.extend(closest::rows(repeats)?);
-    tell("wires: an iteration and its parts");
-    rows.extend(wires::rows(repeats.div_ceil(2))?);
-    let model = centaur_or_beam()?;
-    tell(&format!("{}: an iteration and its parts", model.name));
-    rows.extend(iteration::rows(&model, repeats)?);
-    tell(&format!("{}: memory, in a process of its own", model.name));
-    rows.extend(memory::rows()?);
-    rows.extend(solves::rows(tell)?);
+/// Data that cannot be read, a child process that fails, a name that there is not.
+pub fn measure(repeats: usize, only: Option<&str>, tell: &mut dyn FnMut(&str)) -> Result<Vec<Row>, BenchError> {
+    let all: [Rows<'_>; 7] = [
+        ("decompositions", &|_| decompositions::rows(repeats)),
+        ("closest", &|_| closest::rows(repeats)),
+        ("wires", &|_| wires::rows(repeats.div_ceil(2))),
+        ("fields", &|_| fields::rows(repeats)),
+        ("iteration", &|_| iteration::rows(&centaur_or_beam()?, repeats)),
+        ("memory", &|_| memory::rows()),
+        ("solves", &solves::rows),
+    ];
+    let mut rows = Vec::new();
+    for (name, measured) in all.iter().filter(|(name, _)| only.is_none_or(|only| only == *name)) {
+        tell(name);
+        rows.extend(measured(tell)?);
+    }
+    if rows.is_empty() {
+        let names: Vec<&str> = all.iter().map(|(name, _)| *name).collect();
+        return Err(BenchError(format!("there are no such rows; there are {}", names.join(", "))));
+    }
     Ok(rows)
 }
 

@@ -20,39 +20,42 @@ pub fn problem(surface: &Surface, directions: &[[f64; 2]], form: GradientForm, m
     match form {
         GradientForm::Faces => {
             let frames: Vec<[[f64; 2]; 3]> = (0..faces).map(|f| [0, 1, 2].map(|k| surface.direction(f, k).0)).collect();
-            let set = AlongEdges::new(surface.edges.len(), &surface.face_edges, &frames, area.clone());
-            let nodes: Vec<u32> = (0..3 * faces as u32).map(|h| h / 3).collect();
+            let set = AlongEdges::new(surface.edges.len(), &surface.face_edges, &frames, &area);
             let weight = |h: usize| if set.is_shared(h) { mu * area[h / 3] } else { 0.0 };
             let weights = (0..3 * faces).map(weight).collect();
             let springs = directions.iter().zip(&area).enumerate();
             let springs = springs.map(|(f, (g, a))| (f as u32, 2.0 * a, [g[0], g[1], 0.0])).collect();
-            let term = Copies::<2, _>::new(set, faces, nodes, weights);
+            let term = Copies::<2, _>::new(set, vec![3; faces], weights);
             assembled(2, directions.as_flattened().to_vec(), Box::new(term), springs)
         }
         GradientForm::Edges => {
-            let (mut weights, mut signs, mut lengths) = (Vec::new(), Vec::new(), Vec::new());
-            let mut targets = vec![(0.0, 0.0); surface.edges.len()]; // weight, weighted sum
+            let edges = surface.edges.len();
+            let mut counts = vec![0u32; edges]; // faces at an edge
+            surface.face_edges.iter().flatten().for_each(|e| counts[*e as usize] += 1);
+            let mut next: Vec<u32> = counts.iter().scan(0, |sum, n| Some(std::mem::replace(sum, *sum + n))).collect();
+            let mut slots = vec![[0; 3]; faces];
+            let (mut signs, mut lengths) = (vec![[0.0; 3]; faces], vec![[0.0; 3]; faces]);
+            let mut weights = vec![0.0; 3 * faces];
+            let mut targets = vec![(0.0, 0.0); edges]; // weight, weighted sum
             for f in 0..faces {
-                let (mut s, mut l) = ([0.0; 3], [0.0; 3]);
                 for k in 0..3 {
                     let e = surface.face_edges[f][k] as usize;
                     let (d, forward) = surface.direction(f, k);
-                    s[k] = if forward { 1.0 } else { -1.0 };
-                    l[k] = surface.lengths[e];
-                    let w = area[f] / (l[k] * l[k]);
-                    weights.push(mu * w);
+                    let l = surface.lengths[e];
+                    slots[f][k] = next[e];
+                    signs[f][k] = if forward { 1.0 } else { -1.0 };
+                    lengths[f][k] = l;
+                    let w = area[f] / (l * l);
+                    weights[next[e] as usize] = mu * w;
+                    next[e] += 1;
                     targets[e].0 += w;
-                    targets[e].1 += w * l[k] * (d[0] * directions[f][0] + d[1] * directions[f][1]);
+                    targets[e].1 += w * l * (d[0] * directions[f][0] + d[1] * directions[f][1]);
                 }
-                signs.push(s);
-                lengths.push(l);
             }
             let start: Vec<f64> = targets.iter().map(|(w, sum)| sum / w).collect();
             let springs = targets.iter().zip(&start).enumerate();
             let springs = springs.map(|(e, ((w, _), x))| (e as u32, 2.0 * w, [*x, 0.0, 0.0])).collect();
-            let nodes = surface.face_edges.as_flattened().to_vec();
-            let set = AroundFaces::new(signs, &lengths);
-            let term = Copies::<1, _>::new(set, surface.edges.len(), nodes, weights);
+            let term = Copies::<1, _>::new(AroundFaces::new(&slots, &signs, &lengths), counts, weights);
             assembled(1, start, Box::new(term), springs)
         }
     }

@@ -6,12 +6,28 @@ use crate::{
     SystemError, vector,
 };
 
+impl Admm {
+    fn residual(&mut self) -> Residual {
+        if let Some(swept) = &self.swept {
+            return swept.residual;
+        }
+        let mut residual = Residual::default();
+        for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
+            residual += term.residual(&self.x, p, u);
+        }
+        residual
+    }
+}
+
 impl Method for Admm {
     fn name(&self) -> &str {
         &self.settings.name
     }
 
     fn step(&mut self) -> Result<StepReport, SystemError> {
+        if let Some(report) = self.sweep() {
+            return Ok(report);
+        }
         let mut local = self.local_half(); // W(10b), W(10c)
         let mut inner = 0;
         for _ in 1..self.alternations {
@@ -46,11 +62,7 @@ impl Method for Admm {
     }
 
     fn forward_residual(&mut self) -> Option<f64> {
-        let mut residual = Residual::default();
-        for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
-            residual += term.residual(&self.x, p, u);
-        }
-        Some(residual.gap2)
+        Some(self.residual().gap2)
     }
 
     fn begin(&mut self, x: &[f64], keeps_duals: bool, change: &mut dyn FnMut(&mut Problem)) -> Result<(), SystemError> {
@@ -83,6 +95,9 @@ impl Method for Admm {
         if self.cycle.order == Order::Xzu {
             return Some(SquaredResiduals { forward: self.forward_residual()?, combined: last.combined() });
         }
+        if let Some(swept) = &self.swept {
+            return Some(SquaredResiduals { forward: last.gap2, combined: swept.residual.gap2 + swept.shift2 });
+        }
         let (mut now, mut then) = (Vec::new(), Vec::new());
         let (mut weights, mut moved2) = (Vec::new(), 0.0);
         for term in &mut self.problem.terms {
@@ -110,10 +125,7 @@ impl Method for Admm {
     }
 
     fn residuals(&mut self) -> Residuals {
-        let mut residual = Residual::default();
-        for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
-            residual += term.residual(&self.x, p, u);
-        }
+        let residual = self.residual();
         let relative = |part2: f64| (part2 / residual.size2.max(f64::MIN_POSITIVE)).sqrt();
         Residuals { primal: relative(residual.gap2), dual: relative(self.moved2) }
     }
