@@ -4,7 +4,7 @@ mod slots;
 
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{
-    Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Sweep, Term, Uncoupled,
+    Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term, Uncoupled,
 };
 use rayon::prelude::*;
 use slots::{CHUNK, Part, Slots};
@@ -79,11 +79,9 @@ impl<const D: usize, S: JointSet<D>> Copies<D, S> {
         let (set, slots) = (&self.set, &self.slots);
         let of_slots = &mut self.images[..self.weight2.len()];
         slots.fill(0..slots.n_nodes(), 1, of_slots, &|nodes, images| {
-            let first = slots.before(nodes.start);
+            let mut images = images.iter_mut();
             for node in nodes {
-                for h in slots.of(node) {
-                    images[h - first] = set.image(h, v(node, h));
-                }
+                slots.of(node).zip(&mut images).for_each(|(h, image)| *image = set.image(h, v(node, h)));
             }
         });
         set.join(&mut self.images);
@@ -186,45 +184,37 @@ impl<const D: usize, S: JointSet<D>> Term for Copies<D, S> {
     }
 
     /// Two passes: images first; then, node by node, z, x and u, since nothing else ties nodes to each other.
-    fn sweep(&mut self, own: &Uncoupled, x: &mut [f64], p: &mut [f64], u: &mut [f64]) -> Option<Sweep> {
+    fn sweep(&mut self, own: &Uncoupled, x: &mut [f64], p: &mut [f64], u: &mut [f64]) -> bool {
         if own.diagonal.len() != self.slots.n_nodes() || own.target.len() != x.len() {
-            return None;
+            return false;
         }
         let (at, dual) = (&*x, &*u);
         self.take_images(|node, h| sum(load(at, node), load(dual, h)));
         let (set, slots, weight2, images) = (&self.set, &self.slots, &self.weight2, &self.images);
-        Some(slots.sum::<D, Sweep>(0..slots.n_nodes(), Part { p, u, of_nodes: x }, &|nodes, part| {
-            let (from, first) = (nodes.start, slots.before(nodes.start));
-            let mut swept = Sweep::default();
-            for node in nodes {
-                let c: [f64; D] = load(part.of_nodes, node - from);
+        slots.for_each::<D>(0..slots.n_nodes(), Part { p, u, of_nodes: x }, &|nodes, part| {
+            let ((mut p, _), (mut u, _)) = (part.p.as_chunks_mut::<D>(), part.u.as_chunks_mut::<D>());
+            let own = own.diagonal.iter().zip(&own.stiffness).zip(own.target.as_chunks::<D>().0).skip(nodes.start);
+            for ((node, x), ((a, k), target)) in nodes.zip(part.of_nodes.as_chunks_mut::<D>().0).zip(own) {
+                let of_node = slots.of(node);
+                let (p_here, p_rest) = p.split_at_mut(of_node.len());
+                let (u_here, u_rest) = u.split_at_mut(of_node.len());
+                let c = *x;
                 let mut grad = [0.0; D];
-                for h in slots.of(node) {
-                    let (p, u): ([f64; D], [f64; D]) = (load(part.p, h - first), load(part.u, h - first));
-                    let z = set.nearest(h, sum(c, u), images);
-                    swept.local.moved2 += weight2[h] * distance2(z, sum(p, u));
-                    swept.local.gap2 += weight2[h] * distance2(c, z);
-                    let p: [f64; D] = each(|d| z[d] - u[d]);
-                    (0..D).for_each(|d| grad[d] += weight2[h] * (c[d] - p[d]));
-                    store(part.p, h - first, p);
+                for (((h, w2), p), u) in of_node.clone().zip(&weight2[of_node]).zip(&mut *p_here).zip(&*u_here) {
+                    let z = set.nearest(h, sum(c, *u), images);
+                    *p = each(|d| z[d] - u[d]);
+                    (0..D).for_each(|d| grad[d] += w2 * (c[d] - p[d]));
                 }
-                let (k, t, a): (f64, [f64; D], f64) =
-                    (own.stiffness[node], load(&own.target, node), own.diagonal[node]);
-                let moved: [f64; D] = each(|d| c[d] - (grad[d] + k * (c[d] - t[d])) / a);
-                for h in slots.of(node) {
-                    let (p, u): ([f64; D], [f64; D]) = (load(part.p, h - first), load(part.u, h - first));
-                    let z: [f64; D] = sum(p, u);
-                    let u: [f64; D] = each(|d| moved[d] - p[d]);
-                    swept.residual.gap2 += weight2[h] * distance2(moved, z);
-                    swept.residual.size2 += weight2[h] * distance2(z, [0.0; D]);
-                    swept.shift2 += weight2[h] * distance2(moved, c);
-                    store(part.p, h - first, each::<D>(|d| z[d] - u[d]));
-                    store(part.u, h - first, u);
+                *x = each(|d| c[d] - (grad[d] + k * (c[d] - target[d])) / a);
+                for (p, u) in p_here.iter_mut().zip(u_here) {
+                    let z: [f64; D] = sum(*p, *u);
+                    *u = each(|d| x[d] - p[d]);
+                    *p = each(|d| z[d] - u[d]);
                 }
-                store(part.of_nodes, node - from, moved);
+                (p, u) = (p_rest, u_rest);
             }
-            swept
-        }))
+        });
+        true
     }
 
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {

@@ -17,7 +17,7 @@ use crate::balancing::{Balance, Balancing};
 use crate::penalty::SafePenalty;
 use crate::{
     BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, NormalMatrix, Objective, Order, Problem,
-    Pull, Reweighting, StepReport, Sweep, SystemError, Term, Trial, reweight::Settling,
+    Pull, Reweighting, StepReport, SystemError, Term, Trial, reweight::Settling,
 };
 use rayon::prelude::*;
 use sweep::Sweeping;
@@ -46,18 +46,28 @@ pub(crate) struct State<'a> {
     pub u: &'a mut [Vec<f64>],
 }
 
+/// What is known of the last iteration.
+enum Last {
+    /// There was none.
+    None,
+    /// This of its local step.
+    Local(LocalReport),
+    /// It was one pass, which measures nothing.
+    Swept,
+}
+
 /// ADMM on a [`Problem`]. One iteration is one local step over all elements and one global step.
 pub struct Admm {
     settings: AdmmSettings,
     problem: Problem,
     normal: NormalMatrix,
-    x: Vec<f64>,               // positions
-    p: Vec<Vec<f64>>,          // z - u, what the global step aims at; a vector a term
-    u: Vec<Vec<f64>>,          // scaled duals, likewise
-    grad: Vec<f64>,            // gradient over the free nodes: of the global step's objective, or of the problem's
-    moved2: f64,               // sum w^2 |z - z_before|^2 of the last local step
-    last: Option<LocalReport>, // of the last iteration
-    before: Vec<f64>,          // x of the free nodes before the last global step of the z-x-u order; else empty
+    x: Vec<f64>,      // positions
+    p: Vec<Vec<f64>>, // z - u, what the global step aims at; a vector a term
+    u: Vec<Vec<f64>>, // scaled duals, likewise
+    grad: Vec<f64>,   // gradient over the free nodes: of the global step's objective, or of the problem's
+    moved2: f64,      // sum w^2 |z - z_before|^2 of the last local step
+    last: Last,
+    before: Vec<f64>, // x before the last global step of the z-x-u order; else empty
     cycle: Cycle,
     alternations: usize, // local and global steps before an update of the duals, in the z-x-u order
     coupled: Vec<Vec<f64>>, // c(Dx) after the global step of the z-x-u order; else empty
@@ -65,7 +75,6 @@ pub struct Admm {
     safe: Option<SafePenalty>,
     settling: Settling,
     sweeping: Sweeping,
-    swept: Option<Sweep>, // where the last iteration was a sweep and nothing has changed since
     iteration: usize,
     energy: Option<EnergyReport>,
     f: Option<f64>, // f(x), where the global step has found it
@@ -115,7 +124,7 @@ impl Admm {
             u,
             grad,
             moved2,
-            last: None,
+            last: Last::None,
             before: Vec::new(),
             cycle: Cycle::PLAIN,
             alternations: 1,
@@ -124,7 +133,6 @@ impl Admm {
             safe: None,
             settling: Settling::default(),
             sweeping: Sweeping::Unknown,
-            swept: None,
             iteration,
             energy: None,
             f: None,
@@ -219,7 +227,6 @@ impl Admm {
         self.evaluation = None;
         self.energy = None;
         self.f = None;
-        self.swept = None;
     }
 
     /// The first half of an iteration: W(10b) and W(10c).
@@ -282,7 +289,7 @@ impl Admm {
         }
         let inner = self.positions_step(&local)?;
         self.moved2 = local.moved2;
-        self.last = Some(local);
+        self.last = Last::Local(local);
         if self.cycle.order == Order::Zxu {
             self.dual_step();
         }
@@ -385,7 +392,7 @@ impl Admm {
         self.settings.global.reset();
         self.settling = Settling::default();
         self.moved2 = f64::INFINITY;
-        self.last = None;
+        self.last = Last::None;
         self.sweeping = Sweeping::Unknown;
         self.forget();
     }

@@ -87,7 +87,7 @@ pub use run::{
     Cancel, GradientTolerance, IterationLimit, NoObserver, Observer, Outcome, PatchGradient, Status, Stop, VIOLATION,
     Verdict, run,
 };
-pub use sweep::{Sweep, Uncoupled};
+pub use sweep::Uncoupled;
 pub use system::{NormalMatrix, Precision, SystemError};
 pub use term::{DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
 pub use untangle::{Dial, Relax, Untangle};

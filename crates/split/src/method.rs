@@ -19,7 +19,7 @@ pub struct StepReport {
     pub merit: Option<f64>,
     /// What an accelerator tried.
     pub trial: Trial,
-    /// What the local step did.
+    /// What the local step did; nothing of it is known of an iteration that is one pass over the nodes.
     pub local: LocalReport,
 }
 

@@ -1,6 +1,6 @@
 //! Iterations in one pass: of problems whose nodes meet in the set of one term alone.
 
-use crate::{LocalReport, Problem, Residual};
+use crate::Problem;
 
 /// What each node has of its own: a spring to a target, and its entry of the normal matrix, which is diagonal.
 #[derive(Clone, Debug)]
@@ -37,24 +37,5 @@ impl Uncoupled {
             target[node * dim..(node + 1) * dim].copy_from_slice(&t[..dim]);
         }
         Some(Uncoupled { diagonal: diagonal.to_vec(), stiffness, target })
-    }
-}
-
-/// What an iteration in one pass did.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sweep {
-    /// The local step; what only inexact global steps ask for is 0.
-    pub local: LocalReport,
-    /// How far c(Dx) is from z at the end.
-    pub residual: Residual,
-    /// sum w^2 |c(Dx) - c(Dx_before)|^2.
-    pub shift2: f64,
-}
-
-impl std::ops::AddAssign for Sweep {
-    fn add_assign(&mut self, o: Self) {
-        self.local += o.local;
-        self.residual += o.residual;
-        self.shift2 += o.shift2;
     }
 }

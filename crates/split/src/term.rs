@@ -1,6 +1,6 @@
 //! What the splitting needs to know of a batch of like elements.
 
-use crate::{Curvature, Cycle, Hardening, LevelBound, Order, Sweep, Uncoupled};
+use crate::{Curvature, Cycle, Hardening, LevelBound, Order, Uncoupled};
 use proxel_linalg::sparse::SymPattern;
 
 /// What a local step did, summed over the elements of a batch.
@@ -236,10 +236,10 @@ pub trait Term: Send + Sync {
 
     /// A whole iteration of the z-x-u order, with the same bits as one of [`Term::cycle_step`], a solve, and the update of the
     /// dual, for a term that knows how to do with fewer passes over memory when nodes are tied to each other by nothing else.
-    /// None, and nothing done, where there is no such way.
-    fn sweep(&mut self, own: &Uncoupled, x: &mut [f64], p: &mut [f64], u: &mut [f64]) -> Option<Sweep> {
+    /// False, and nothing done, where there is no such way.
+    fn sweep(&mut self, own: &Uncoupled, x: &mut [f64], p: &mut [f64], u: &mut [f64]) -> bool {
         let _ = (own, x, p, u);
-        None
+        false
     }
 
     /// What a local step costs, in nanoseconds of a core: an estimate by which an acceleration is weighed against plain

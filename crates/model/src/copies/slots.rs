@@ -76,6 +76,19 @@ impl Slots {
         );
     }
 
+    /// Runs `leaf` on some nodes at a time, D numbers a slot.
+    pub fn for_each<const D: usize>(
+        &self,
+        nodes: Range<usize>,
+        part: Part<'_>,
+        leaf: &(impl Fn(Range<usize>, Part<'_>) + Sync),
+    ) {
+        self.sum::<D, Nothing>(nodes, part, &|nodes, part| {
+            leaf(nodes, part);
+            Nothing
+        });
+    }
+
     /// Runs `leaf` on some nodes at a time, D numbers a slot; the sum, which is taken over a fixed tree.
     pub fn sum<const D: usize, R: AddAssign + Send>(
         &self,
@@ -98,4 +111,11 @@ impl Slots {
         a += b;
         a
     }
+}
+
+/// The sum of what returns nothing.
+struct Nothing;
+
+impl AddAssign for Nothing {
+    fn add_assign(&mut self, Nothing: Nothing) {}
 }

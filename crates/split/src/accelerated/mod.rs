@@ -157,7 +157,7 @@ impl<C: Carrier> Accelerated<C> {
 
     /// An iteration as it is.
     fn plain_step(&mut self) -> Result<StepReport, SystemError> {
-        let report = self.admm.step()?;
+        let report = self.admm.step_in_halves()?;
         self.iteration += 1;
         if report.refactorised {
             self.carrier.reweigh(self.admm.problem());

@@ -1,21 +1,46 @@
 //! ADMM as a [`Method`].
 
-use super::Admm;
+use super::{Admm, Last};
 use crate::{
     EnergyReport, Evaluation, Method, Order, Problem, Residual, Residuals, Splitting, SquaredResiduals, StepReport,
-    SystemError, vector,
+    SystemError,
 };
 
 impl Admm {
-    fn residual(&mut self) -> Residual {
-        if let Some(swept) = &self.swept {
-            return swept.residual;
+    /// An iteration in two halves, whether or not it could be one pass: its report has a local step.
+    pub(crate) fn step_in_halves(&mut self) -> Result<StepReport, SystemError> {
+        let mut local = self.local_half(); // W(10b), W(10c)
+        let mut inner = 0;
+        for _ in 1..self.alternations {
+            inner += self.positions_step(&local)?;
+            local = self.local_half();
         }
+        let report = self.global_half(local)?; // W(10a), W(22)-(23)
+        Ok(StepReport { inner: report.inner + inner, ..report })
+    }
+
+    fn residual(&mut self) -> Residual {
         let mut residual = Residual::default();
         for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
             residual += term.residual(&self.x, p, u);
         }
         residual
+    }
+
+    /// sum w^2 |c(Dx) - c(Dx_before)|^2 of the last iteration in the z-x-u order, the square of its dual residual; infinite
+    /// where there was none.
+    fn shift2(&mut self) -> f64 {
+        if self.before.len() != self.x.len() {
+            return f64::INFINITY;
+        }
+        let mut shift2 = 0.0;
+        for term in &mut self.problem.terms {
+            let mut then = vec![0.0; term.local_len()];
+            term.couple(&self.before, &mut then);
+            let none = vec![0.0; then.len()];
+            shift2 += term.residual(&self.x, &then, &none).gap2;
+        }
+        shift2
     }
 }
 
@@ -28,14 +53,7 @@ impl Method for Admm {
         if let Some(report) = self.sweep() {
             return Ok(report);
         }
-        let mut local = self.local_half(); // W(10b), W(10c)
-        let mut inner = 0;
-        for _ in 1..self.alternations {
-            inner += self.positions_step(&local)?;
-            local = self.local_half();
-        }
-        let report = self.global_half(local)?; // W(10a), W(22)-(23)
-        Ok(StepReport { inner: report.inner + inner, ..report })
+        self.step_in_halves()
     }
 
     fn x(&self) -> &[f64] {
@@ -91,29 +109,22 @@ impl Method for Admm {
     }
 
     fn squared_residuals(&mut self) -> Option<SquaredResiduals> {
-        let last = self.last?;
-        if self.cycle.order == Order::Xzu {
-            return Some(SquaredResiduals { forward: self.forward_residual()?, combined: last.combined() });
-        }
-        if let Some(swept) = &self.swept {
-            return Some(SquaredResiduals { forward: last.gap2, combined: swept.residual.gap2 + swept.shift2 });
-        }
-        let (mut now, mut then) = (Vec::new(), Vec::new());
-        let (mut weights, mut moved2) = (Vec::new(), 0.0);
-        for term in &mut self.problem.terms {
-            for of in [&mut now, &mut then, &mut weights] {
-                of.resize(term.local_len(), 0.0);
+        let forward = match (&self.last, self.cycle.order) {
+            (Last::None, _) => return None,
+            (Last::Local(local), Order::Xzu) => {
+                let combined = local.combined();
+                return Some(SquaredResiduals { forward: self.forward_residual()?, combined });
             }
-            term.couple(&self.x, &mut now);
-            term.couple(&self.before, &mut then);
-            term.local_weights2(&mut weights);
-            for (w, (now, then)) in weights.iter_mut().zip(now.iter_mut().zip(&then)) {
-                *now -= then;
-                *w *= *now;
+            (Last::Local(local), Order::Zxu) => local.gap2,
+            (Last::Swept, _) => {
+                let mut residual = Residual::default();
+                for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
+                    residual += term.residual(&self.before, p, u);
+                }
+                residual.gap2
             }
-            moved2 += vector::dot(&weights, &now);
-        }
-        Some(SquaredResiduals { forward: last.gap2, combined: self.forward_residual()? + moved2 })
+        };
+        Some(SquaredResiduals { forward, combined: self.residual().gap2 + self.shift2() })
     }
 
     fn factor_bytes(&self) -> u64 {
@@ -126,8 +137,9 @@ impl Method for Admm {
 
     fn residuals(&mut self) -> Residuals {
         let residual = self.residual();
+        let dual2 = if self.cycle.order == Order::Zxu { self.shift2() } else { self.moved2 };
         let relative = |part2: f64| (part2 / residual.size2.max(f64::MIN_POSITIVE)).sqrt();
-        Residuals { primal: relative(residual.gap2), dual: relative(self.moved2) }
+        Residuals { primal: relative(residual.gap2), dual: relative(dual2) }
     }
 
     fn forces(&mut self) -> Option<Vec<f64>> {

@@ -1,7 +1,7 @@
 //! Iterations in one pass, where the problem allows it.
 
-use super::Admm;
-use crate::{Order, StepReport, Sweep, Trial, Uncoupled};
+use super::{Admm, Last};
+use crate::{LocalReport, Order, StepReport, Trial, Uncoupled, vector};
 
 /// What is known of it.
 #[derive(Clone, Debug, Default)]
@@ -33,26 +33,24 @@ impl Admm {
         }
         let Sweeping::Yes(own) = &self.sweeping else { return None };
         let ([term], [p], [u]) = (&mut self.problem.terms[..], &mut self.p[..], &mut self.u[..]) else { return None };
-        let Some(swept) = term.sweep(own, &mut self.x, p, u) else {
+        self.before.resize(self.x.len(), 0.0);
+        vector::copy(&mut self.before, &self.x);
+        if !term.sweep(own, &mut self.x, p, u) {
             self.sweeping = Sweeping::No;
             return None;
-        };
+        }
         self.forget();
-        self.before.clear();
-        let Sweep { local, .. } = swept;
-        self.moved2 = local.moved2;
-        self.last = Some(local);
-        self.swept = Some(swept);
+        self.last = Last::Swept;
         self.iteration += 1;
         Some(StepReport {
             iteration: self.iteration,
             inner: 1,
             refactorised: false,
             accepted: true,
-            energy_z: local.value_after,
+            energy_z: 0.0,
             merit: None,
             trial: Trial::default(),
-            local,
+            local: LocalReport::default(),
         })
     }
 }

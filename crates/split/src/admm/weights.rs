@@ -15,7 +15,6 @@ impl Admm {
     /// New weights in the normal matrix, or in what the global step has in its place.
     pub(super) fn refactor_normal(&mut self) -> Result<(), SystemError> {
         self.sweeping = Sweeping::Unknown;
-        self.swept = None;
         self.settings.global.reset();
         if self.settings.global.precision().is_some() {
             self.normal.refactor(&self.problem)?;
