@@ -55,6 +55,9 @@ pub trait Isa: sealed::Sealed + Copy + Send + Sync + 'static {
     fn splat(v: f64) -> Self::F;
     /// From memory.
     fn load(a: &[f64; LANES]) -> Self::F;
+    /// Of numbers in registers: those that were written to memory one by one are not to be read at once, which waits until
+    /// the last of them has got there.
+    fn of(lanes: [f64; LANES]) -> Self::F;
     /// To memory.
     fn store(v: Self::F, a: &mut [f64; LANES]);
     /// a + b
@@ -130,6 +133,10 @@ impl Isa for Baseline {
     #[inline(always)]
     fn load(a: &[f64; LANES]) -> Self::F {
         *a
+    }
+    #[inline(always)]
+    fn of(lanes: [f64; LANES]) -> Self::F {
+        lanes
     }
     #[inline(always)]
     fn store(v: Self::F, a: &mut [f64; LANES]) {

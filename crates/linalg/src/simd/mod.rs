@@ -89,7 +89,13 @@ impl<I: Isa> F8<I> {
         for l in 0..LANES {
             lanes[l] = from[index[l] as usize * stride + offset];
         }
-        F8(I::load(&lanes))
+        Self::of(lanes)
+    }
+
+    /// Lanes that have just been put together, one by one.
+    #[inline(always)]
+    pub fn of(lanes: [f64; LANES]) -> Self {
+        F8(I::of(lanes))
     }
 
     /// The lanes as an array.

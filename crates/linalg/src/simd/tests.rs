@@ -28,6 +28,8 @@ impl Kernel for Operations<'_> {
             pick(a.le(b)),
             pick(!(a.lt(b) | b.lt(a))),
             pick(a.lt(b) & b.lt(F8::one())),
+            F8::of(a.to_array()),
+            F8::gather(self.1, &[7, 0, 6, 1, 5, 2, 4, 3], 1, 0),
         ]
         .map(F8::to_array)
         .to_vec()
@@ -38,6 +40,7 @@ impl Kernel for Operations<'_> {
 fn every_level_agrees_with_scalar_arithmetic() {
     let a = [1.5, -2.25, 1e-300, -7e200, 3.0, 0.125, -1.0, 1023.75];
     let b = [2.5, -2.25, -1e300, 7e-200, -3.5, 8.0, 1.0, -0.001];
+    let own_b = b;
     let scalar: Vec<Vec<f64>> = (0..8)
         .map(|l| {
             let (a, b) = (a[l], b[l]);
@@ -61,6 +64,8 @@ fn every_level_agrees_with_scalar_arithmetic() {
                 pick(a <= b),
                 pick(a == b),
                 pick(a < b && b < 1.0),
+                a,
+                own_b[[7, 0, 6, 1, 5, 2, 4, 3][l]],
             ]
         })
         .collect();

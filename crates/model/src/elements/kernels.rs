@@ -46,7 +46,7 @@ pub(super) fn corner<I: Isa, const D: usize>(near: &[f64], local: &[u16], k: usi
     }
     let mut out = [F8::zero(); D];
     for d in 0..D {
-        out[d] = F8::load(&lanes[d]);
+        out[d] = F8::of(lanes[d]);
     }
     out
 }

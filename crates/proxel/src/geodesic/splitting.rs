@@ -3,7 +3,7 @@
 use super::surface::Surface;
 use crate::settings::{GeodesicMethod, GeodesicSettings, GradientForm};
 use proxel_model::copies::Copies;
-use proxel_model::gradient_field::{AlongEdges, AroundFaces};
+use proxel_model::gradient_field::{AroundFaces, FaceField};
 use proxel_split::{
     Acceleration, Admm, AdmmSettings, Algorithm, Cycle, Direct, Method, Order, Problem, Quadratic, SystemError, Term,
 };
@@ -20,12 +20,9 @@ pub fn problem(surface: &Surface, directions: &[[f64; 2]], form: GradientForm, m
     match form {
         GradientForm::Faces => {
             let frames: Vec<[[f64; 2]; 3]> = (0..faces).map(|f| [0, 1, 2].map(|k| surface.direction(f, k).0)).collect();
-            let set = AlongEdges::new(surface.edges.len(), &surface.face_edges, &frames, &area);
-            let weight = |h: usize| if set.is_shared(h) { mu * area[h / 3] } else { 0.0 };
-            let weights = (0..3 * faces).map(weight).collect();
+            let term = FaceField::new(surface.edges.len(), &surface.face_edges, &frames, &area, mu);
             let springs = directions.iter().zip(&area).enumerate();
             let springs = springs.map(|(f, (g, a))| (f as u32, 2.0 * a, [g[0], g[1], 0.0])).collect();
-            let term = Copies::<2, _>::new(set, vec![3; faces], weights);
             assembled(2, directions.as_flattened().to_vec(), Box::new(term), springs)
         }
         GradientForm::Edges => {

@@ -43,6 +43,10 @@ impl Isa for Avx512 {
         enabled!(_mm512_loadu_pd(a.as_ptr()))
     }
     #[inline(always)]
+    fn of([a, b, c, d, e, f, g, h]: [f64; LANES]) -> __m512d {
+        enabled!(_mm512_set_pd(h, g, f, e, d, c, b, a))
+    }
+    #[inline(always)]
     fn store(v: __m512d, a: &mut [f64; LANES]) {
         enabled!(_mm512_storeu_pd(a.as_mut_ptr(), v))
     }
@@ -182,6 +186,10 @@ impl Isa for Avx2 {
     #[inline(always)]
     fn load(a: &[f64; LANES]) -> Halves {
         enabled!([_mm256_loadu_pd(a.as_ptr()), _mm256_loadu_pd(a.as_ptr().add(4))])
+    }
+    #[inline(always)]
+    fn of([a, b, c, d, e, f, g, h]: [f64; LANES]) -> Halves {
+        enabled!([_mm256_set_pd(d, c, b, a), _mm256_set_pd(h, g, f, e)])
     }
     #[inline(always)]
     fn store(v: Halves, a: &mut [f64; LANES]) {
