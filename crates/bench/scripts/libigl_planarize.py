@@ -2,8 +2,8 @@
 
     python libigl_planarize.py PROXEL [MESH.obj [@REFERENCE.obj]] ... [--limit SECONDS] [--runs N] [--to PLANARITY]
 
-Meshes of quads alone; without any, three sheets are made. A mesh is its own reference unless one follows. libigl runs with 1000, 10000, ... iterations, each from the start, until the largest planarity (distance of a corner
-from the best plane over the mean edge) is reached or a run has taken longer than the limit, which ends the search.
+Meshes of quads alone; without any, three sheets are made. A mesh is its own reference unless one follows. libigl gets as many iterations as it needs to the largest planarity (distance of a corner from the best plane over the mean
+edge), found by doubling, or as many as the limit lets it have.
 Seconds are of the processor, for proxel those of the whole command on one thread; the least of the runs.
 """
 
@@ -76,16 +76,21 @@ class Figures:
         return self.planarity(points), distance, float(self.lengths(points).min() / self.mean)
 
 
-def libigl(points, faces, figures, arguments):
-    """The result, iterations and seconds of the first run that is planar, or of the last within the limit."""
-    quads, count = np.array(faces, dtype=np.int64), 1000
+def libigl(points, faces, count):
+    """The result, iterations and seconds."""
+    began = time.process_time()
+    result = igl.planarize_quad_mesh(points, np.array(faces, dtype=np.int64), count, 1e-12)
+    return result, count, time.process_time() - began
+
+
+def enough(points, faces, figures, arguments):
+    """Iterations, 125 doubled as often as needed, to the planarity; or the last whose double would take too long."""
+    count = 125
     while True:
-        began = time.process_time()
-        result = igl.planarize_quad_mesh(points, quads, count, 1e-12)
-        took = time.process_time() - began
-        if figures.planarity(result) <= arguments.to or took * 10 > arguments.limit:
-            return result, count, took
-        count *= 10
+        result, _, took = libigl(points, faces, count)
+        if figures.planarity(result) <= arguments.to or 2 * took > arguments.limit:
+            return count
+        count *= 2
 
 
 def proxel(mesh, reference, arguments):
@@ -130,8 +135,9 @@ def main():
             surface = read(reference)
             figures = Figures(points, faces, (surface[0], triangles(surface[1])))
             row(Path(mesh).stem, figures, points, "", "")
+            count = enough(points, faces, figures, arguments)
             for name, run in [
-                (f"libigl {version('libigl')}", lambda: libigl(points, faces, figures, arguments)),
+                (f"libigl {version('libigl')}", lambda: libigl(points, faces, count)),
                 ("proxel", lambda: proxel(mesh, reference, arguments)),
             ]:
                 runs = [run() for _ in range(arguments.runs)]

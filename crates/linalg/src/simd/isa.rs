@@ -58,6 +58,10 @@ pub trait Isa: sealed::Sealed + Copy + Send + Sync + 'static {
     /// Of numbers in registers: those that were written to memory one by one are not to be read at once, which waits until
     /// the last of them has got there.
     fn of(lanes: [f64; LANES]) -> Self::F;
+    /// (a0, a2, .., b0, b2, ..) and (a1, a3, .., b1, b3, ..).
+    fn part(a: Self::F, b: Self::F) -> [Self::F; 2];
+    /// What [`Self::part`] has parted.
+    fn join(even: Self::F, odd: Self::F) -> [Self::F; 2];
     /// To memory.
     fn store(v: Self::F, a: &mut [f64; LANES]);
     /// a + b
@@ -137,6 +141,14 @@ impl Isa for Baseline {
     #[inline(always)]
     fn of(lanes: [f64; LANES]) -> Self::F {
         lanes
+    }
+    #[inline(always)]
+    fn part(a: Self::F, b: Self::F) -> [Self::F; 2] {
+        [[a[0], a[2], a[4], a[6], b[0], b[2], b[4], b[6]], [a[1], a[3], a[5], a[7], b[1], b[3], b[5], b[7]]]
+    }
+    #[inline(always)]
+    fn join(e: Self::F, o: Self::F) -> [Self::F; 2] {
+        [[e[0], o[0], e[1], o[1], e[2], o[2], e[3], o[3]], [e[4], o[4], e[5], o[5], e[6], o[6], e[7], o[7]]]
     }
     #[inline(always)]
     fn store(v: Self::F, a: &mut [f64; LANES]) {

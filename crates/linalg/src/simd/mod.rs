@@ -98,6 +98,23 @@ impl<I: Isa> F8<I> {
         F8(I::of(lanes))
     }
 
+    /// Two numbers of each of eight things, which lie thing by thing.
+    #[inline(always)]
+    pub fn pairs(from: &[f64; 2 * LANES]) -> [Self; 2] {
+        let (halves, _) = from.as_chunks::<LANES>();
+        let [first, second] = I::part(I::load(&halves[0]), I::load(&halves[1]));
+        [F8(first), F8(second)]
+    }
+
+    /// Puts two numbers of each of eight things where [`Self::pairs`] takes them from.
+    #[inline(always)]
+    pub fn put_pairs(v: [Self; 2], to: &mut [f64; 2 * LANES]) {
+        let (halves, _) = to.as_chunks_mut::<LANES>();
+        let [first, second] = I::join(v[0].0, v[1].0);
+        I::store(first, &mut halves[0]);
+        I::store(second, &mut halves[1]);
+    }
+
     /// The lanes as an array.
     #[inline(always)]
     pub fn to_array(self) -> [f64; LANES] {

@@ -79,6 +79,29 @@ fn every_level_agrees_with_scalar_arithmetic() {
     }
 }
 
+struct Pairs<'a>(&'a [f64; 16]);
+
+impl Kernel for Pairs<'_> {
+    type Output = ([[f64; 8]; 2], [f64; 16]);
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Self::Output {
+        let [first, second] = F8::<I>::pairs(self.0);
+        let mut again = [0.0; 16];
+        F8::put_pairs([first, second], &mut again);
+        ([first.to_array(), second.to_array()], again)
+    }
+}
+
+#[test]
+fn pairs_are_parted_and_joined() {
+    let all: [f64; 16] = std::array::from_fn(|i| i as f64);
+    for level in Level::available() {
+        let (parted, again) = dispatch_at(level, Pairs(&all));
+        assert_eq!(parted, [0, 1].map(|d| std::array::from_fn(|l| (2 * l + d) as f64)), "{level:?}");
+        assert_eq!(again, all, "{level:?}");
+    }
+}
+
 struct Ln<'a>(&'a [f64; 8]);
 
 impl Kernel for Ln<'_> {

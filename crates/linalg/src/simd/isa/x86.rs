@@ -47,6 +47,20 @@ impl Isa for Avx512 {
         enabled!(_mm512_set_pd(h, g, f, e, d, c, b, a))
     }
     #[inline(always)]
+    fn part(a: __m512d, b: __m512d) -> [__m512d; 2] {
+        enabled!([
+            _mm512_permutex2var_pd(a, _mm512_set_epi64(14, 12, 10, 8, 6, 4, 2, 0), b),
+            _mm512_permutex2var_pd(a, _mm512_set_epi64(15, 13, 11, 9, 7, 5, 3, 1), b)
+        ])
+    }
+    #[inline(always)]
+    fn join(even: __m512d, odd: __m512d) -> [__m512d; 2] {
+        enabled!([
+            _mm512_permutex2var_pd(even, _mm512_set_epi64(11, 3, 10, 2, 9, 1, 8, 0), odd),
+            _mm512_permutex2var_pd(even, _mm512_set_epi64(15, 7, 14, 6, 13, 5, 12, 4), odd)
+        ])
+    }
+    #[inline(always)]
     fn store(v: __m512d, a: &mut [f64; LANES]) {
         enabled!(_mm512_storeu_pd(a.as_mut_ptr(), v))
     }
@@ -190,6 +204,38 @@ impl Isa for Avx2 {
     #[inline(always)]
     fn of([a, b, c, d, e, f, g, h]: [f64; LANES]) -> Halves {
         enabled!([_mm256_set_pd(d, c, b, a), _mm256_set_pd(h, g, f, e)])
+    }
+    #[inline(always)]
+    fn part(a: Halves, b: Halves) -> [Halves; 2] {
+        // (a0, a2, a1, a3) of each half, then halves of halves.
+        enabled!({
+            let mut sorted = [a[0], a[1], b[0], b[1]];
+            for k in 0..4 {
+                sorted[k] = _mm256_permute4x64_pd::<0b11_01_10_00>(sorted[k]);
+            }
+            [
+                [
+                    _mm256_permute2f128_pd::<0x20>(sorted[0], sorted[1]),
+                    _mm256_permute2f128_pd::<0x20>(sorted[2], sorted[3]),
+                ],
+                [
+                    _mm256_permute2f128_pd::<0x31>(sorted[0], sorted[1]),
+                    _mm256_permute2f128_pd::<0x31>(sorted[2], sorted[3]),
+                ],
+            ]
+        })
+    }
+    #[inline(always)]
+    fn join(even: Halves, odd: Halves) -> [Halves; 2] {
+        // (e0, o0, e2, o2) and (e1, o1, e3, o3) of each half.
+        enabled!({
+            let mut joined = [even; 2];
+            for k in 0..2 {
+                let (low, high) = (_mm256_unpacklo_pd(even[k], odd[k]), _mm256_unpackhi_pd(even[k], odd[k]));
+                joined[k] = [_mm256_permute2f128_pd::<0x20>(low, high), _mm256_permute2f128_pd::<0x31>(low, high)];
+            }
+            joined
+        })
     }
     #[inline(always)]
     fn store(v: Halves, a: &mut [f64; LANES]) {

@@ -21,38 +21,24 @@ pub struct Tied<'a> {
 /// Two numbers of each of eight faces, which lie face by face; 0 where there are fewer.
 #[inline(always)]
 fn pairs<I: Isa>(x: &[f64], block: usize) -> [F8<I>; 2] {
-    let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
-    let from = block * X;
-    if let Some(x) = x.get(from..from + X) {
-        for l in 0..LANES {
-            first[l] = x[2 * l];
-            second[l] = x[2 * l + 1];
-        }
-    } else {
-        let rest = x.get(from..).unwrap_or_default();
-        for l in 0..rest.len() / 2 {
-            first[l] = rest[2 * l];
-            second[l] = rest[2 * l + 1];
-        }
+    let rest = x.get(block * X..).unwrap_or_default();
+    if let Some(eight) = rest.first_chunk() {
+        return F8::pairs(eight);
     }
-    [F8::of(first), F8::of(second)]
+    let mut some = [0.0; X];
+    some[..rest.len()].copy_from_slice(rest);
+    F8::pairs(&some)
 }
 
 #[inline(always)]
 fn put_pairs<I: Isa>(x: &mut [f64], block: usize, v: [F8<I>; 2]) {
-    let (first, second) = (v[0].to_array(), v[1].to_array());
-    let from = block * X;
-    if let Some(x) = x.get_mut(from..from + X) {
-        for l in 0..LANES {
-            x[2 * l] = first[l];
-            x[2 * l + 1] = second[l];
-        }
-    } else if let Some(rest) = x.get_mut(from..) {
-        for l in 0..rest.len() / 2 {
-            rest[2 * l] = first[l];
-            rest[2 * l + 1] = second[l];
-        }
+    let rest = x.get_mut(block * X..).unwrap_or_default();
+    if let Some(eight) = rest.first_chunk_mut() {
+        return F8::put_pairs(v, eight);
     }
+    let mut some = [0.0; X];
+    F8::put_pairs(v, &mut some);
+    rest.copy_from_slice(&some[..rest.len()]);
 }
 
 /// One number of each of eight faces; `filler` where there are fewer.
@@ -80,12 +66,11 @@ impl Kernel for Images<'_> {
     type Output = ();
     #[inline(always)]
     fn run<I: Isa>(self) {
-        for block in 0..self.images.len() / SLOTS {
+        let (directions, images) = (self.direction.as_chunks::<PAIRS>().0, self.images.as_chunks_mut::<SLOTS>().0);
+        for (block, (e, images)) in directions.iter().zip(images).enumerate() {
             let c = pairs::<I>(self.x, block);
-            let e = &self.direction[block * PAIRS..(block + 1) * PAIRS];
-            let images = &mut self.images[block * SLOTS..(block + 1) * SLOTS];
             if let Some(u) = self.u {
-                let u = &u[block * PAIRS..(block + 1) * PAIRS];
+                let u: &[f64; PAIRS] = &u.as_chunks().0[block];
                 for k in 0..3 {
                     let (v0, v1) = (c[0] + F8::load_at(u, 2 * k), c[1] + F8::load_at(u, 2 * k + 1));
                     (F8::load_at(e, 2 * k) * v0 + F8::load_at(e, 2 * k + 1) * v1).store_at(images, k);
@@ -106,22 +91,47 @@ struct Slot<I: Isa> {
     weight2: F8<I>,
 }
 
-impl Tied<'_> {
-    fn blocks(&self) -> usize {
-        self.foreign.len() / SLOTS
-    }
+/// A block of what is known.
+struct Block<'a> {
+    direction: &'a [f64; PAIRS],
+    other: &'a [[u32; LANES]],
+    foreign: &'a [f64; SLOTS],
+    weight2: &'a [f64; SLOTS],
+    own: &'a [f64; SLOTS],
+    images: &'a [f64],
+}
 
-    /// z, the nearest point, for a row of slots.
+impl<'a> Tied<'a> {
+    /// All blocks, one after the other.
     #[inline(always)]
-    fn nearest<I: Isa>(&self, row: usize, c: [F8<I>; 2], u: &[f64]) -> Slot<I> {
-        let mut other = [0; LANES];
-        other.copy_from_slice(&self.other[row * LANES..(row + 1) * LANES]);
-        let own = F8::load_at(&self.images[self.before..], row);
-        let excess = F8::load_at(self.foreign, row) * (own - F8::gather(self.images, &other, 1, 0));
-        let u = [F8::load_at(u, 2 * row), F8::load_at(u, 2 * row + 1)];
-        let e = [F8::load_at(self.direction, 2 * row), F8::load_at(self.direction, 2 * row + 1)];
+    fn blocks(&self) -> impl Iterator<Item = Block<'a>> + use<'a> {
+        let images = self.images;
+        let own = images[self.before..].as_chunks().0;
+        let slots = self.foreign.as_chunks().0.iter().zip(self.weight2.as_chunks().0).zip(own);
+        let others = self.other.as_chunks::<LANES>().0.chunks_exact(3);
+        slots.zip(self.direction.as_chunks().0).zip(others).map(
+            move |((((foreign, weight2), own), direction), other)| Block {
+                direction,
+                other,
+                foreign,
+                weight2,
+                own,
+                images,
+            },
+        )
+    }
+}
+
+impl Block<'_> {
+    /// z, the nearest point, for the k-th edges.
+    #[inline(always)]
+    fn nearest<I: Isa>(&self, k: usize, c: [F8<I>; 2], u: &[f64; PAIRS]) -> Slot<I> {
+        let apart = F8::load_at(self.own, k) - F8::gather(self.images, &self.other[k], 1, 0);
+        let excess = F8::load_at(self.foreign, k) * apart;
+        let u = [F8::load_at(u, 2 * k), F8::load_at(u, 2 * k + 1)];
+        let e = [F8::load_at(self.direction, 2 * k), F8::load_at(self.direction, 2 * k + 1)];
         let z = [(c[0] + u[0]) - excess * e[0], (c[1] + u[1]) - excess * e[1]];
-        Slot { u, z, weight2: F8::load_at(self.weight2, row) }
+        Slot { u, z, weight2: F8::load_at(self.weight2, k) }
     }
 }
 
@@ -148,13 +158,13 @@ impl Kernel for Local<'_> {
     fn run<I: Isa>(self) -> LocalReport {
         let zero = F8::<I>::splat(0.0);
         let [mut penalty_before, mut moved2, mut gap2_before, mut gap2, mut penalty_after, mut objective] = [zero; 6];
-        for block in 0..self.tied.blocks() {
+        let locals = self.p.as_chunks_mut::<PAIRS>().0.iter_mut().zip(self.u.as_chunks_mut::<PAIRS>().0);
+        for (block, (tied, (here, dual))) in self.tied.blocks().zip(locals).enumerate() {
             let c = pairs::<I>(self.x, block);
             let mut grad = pairs::<I>(self.grad, block);
             for k in 0..3 {
-                let row = 3 * block + k;
-                let Slot { u, z, weight2 } = self.tied.nearest(row, c, self.u);
-                let p = [F8::load_at(self.p, 2 * row), F8::load_at(self.p, 2 * row + 1)];
+                let Slot { u, z, weight2 } = tied.nearest(k, c, dual);
+                let p = [F8::load_at(here, 2 * k), F8::load_at(here, 2 * k + 1)];
                 let before = [p[0] + u[0], p[1] + u[1]];
                 let v = [c[0] + u[0], c[1] + u[1]];
                 penalty_before += weight2 * square(c, p);
@@ -170,8 +180,8 @@ impl Kernel for Local<'_> {
                 objective += weight2 * square(c, p);
                 for d in 0..2 {
                     grad[d] = weight2.mul_add(c[d] - p[d], grad[d]);
-                    p[d].store_at(self.p, 2 * row + d);
-                    u[d].store_at(self.u, 2 * row + d);
+                    p[d].store_at(here, 2 * k + d);
+                    u[d].store_at(dual, 2 * k + d);
                 }
             }
             put_pairs(self.grad, block, grad);
@@ -204,11 +214,12 @@ impl Kernel for Sweep<'_> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         let zero = F8::<I>::splat(0.0);
-        for block in 0..self.tied.blocks() {
+        let locals = self.p.as_chunks_mut::<PAIRS>().0.iter_mut().zip(self.u.as_chunks_mut::<PAIRS>().0);
+        for (block, (tied, (here, dual))) in self.tied.blocks().zip(locals).enumerate() {
             let c = pairs::<I>(self.x, block);
             let (mut grad, mut z, mut p) = ([zero; 2], [[zero; 2]; 3], [[zero; 2]; 3]);
             for k in 0..3 {
-                let slot = self.tied.nearest(3 * block + k, c, self.u);
+                let slot = tied.nearest(k, c, dual);
                 for d in 0..2 {
                     p[k][d] = slot.z[d] - slot.u[d];
                     z[k][d] = p[k][d] + slot.u[d];
@@ -223,11 +234,10 @@ impl Kernel for Sweep<'_> {
             }
             put_pairs(self.x, block, x);
             for k in 0..3 {
-                let row = 3 * block + k;
                 for d in 0..2 {
                     let u = x[d] - p[k][d];
-                    u.store_at(self.u, 2 * row + d);
-                    (z[k][d] - u).store_at(self.p, 2 * row + d);
+                    u.store_at(dual, 2 * k + d);
+                    (z[k][d] - u).store_at(here, 2 * k + d);
                 }
             }
         }
