@@ -18,7 +18,8 @@ def log(path, text):
 
 def work(item):
     a = item.arguments
-    log(a["log"], f"begin {item.id} {os.getpid()}")
+    # Of a Ray cluster, the node too.
+    log(a["log"], f"begin {item.id} {os.getpid()} {os.environ.get('RAY_RAYLET_PID', '-')}")
     act = a.get("act")
     if act == "abort":
         os.abort()

@@ -13,9 +13,13 @@ const MATURIN: &str = "maturin>=1.9,<2";
 /// The environments, below the target folder.
 const BUILDING_IN: &str = "maturin-venv";
 const TESTING_IN: &str = "python-test-venv";
+const FULL_IN: &str = "python-full-venv";
 
 /// What the tests of the package need besides.
-const TESTING: [&str; 4] = ["numpy>=1.23", "pytest>=7", "mypy>=1.8", "scipy"];
+const TESTING: [&str; 6] = ["numpy>=1.23", "pytest>=7", "mypy>=1.8", "scipy", "trimesh>=4", "meshio>=5.3"];
+
+/// What only the full tests need besides, as it takes long to fetch and to start.
+const FULL: [&str; 5] = ["ray>=2.40", "pyarrow>=14", "pyvista>=0.43", "polyscope>=2.3", "pytetwild>=0.2"];
 
 /// The oldest Python that the package is for.
 const OLDEST: (u32, u32) = (3, 10);
@@ -53,16 +57,25 @@ pub fn python(args: &[OsString]) -> Result<(), Failure> {
     let folder = target_dir().join("python-tests");
     make(&folder)?;
     let wheel = wheel(&folder)?;
-    let venv = Venv::new(TESTING_IN, &TESTING)?;
+    let full = args.first().is_some_and(|first| first == "--full");
+    let venv = if full { Venv::new(FULL_IN, &[&TESTING[..], &FULL[..]].concat())? } else { testing()? };
     venv.run(["-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps"]).args([wheel]).run()?;
     // Not beside the sources, so that what is tested is what was installed.
     let tests = root().join("python").join("tests");
     venv.run(["-m", "pytest"]).args([tests]).args(args).run()
 }
 
+fn testing() -> Result<Venv, Failure> {
+    Venv::new(TESTING_IN, &TESTING)
+}
+
 /// The same within all tests: why they were skipped, where this machine has no Python for them or no way to get packages.
-pub fn python_where_possible() -> Result<Option<String>, Failure> {
-    let ready = Venv::new(BUILDING_IN, &[MATURIN]).and_then(|_| Venv::new(TESTING_IN, &TESTING));
+/// Who asks for the full tests is to have them: then nothing is skipped.
+pub fn python_where_possible(full: bool) -> Result<Option<String>, Failure> {
+    if full {
+        return python(&["--full".into()]).map(|()| None);
+    }
+    let ready = Venv::new(BUILDING_IN, &[MATURIN]).and_then(|_| testing());
     match ready {
         Ok(_) => python(&[]).map(|()| None),
         Err(failure) => Ok(Some(failure.reason().to_owned())),

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 /// Runs everything that can fail and says at the end what did.
-pub fn test() -> Result<(), Failure> {
+pub fn test(full: bool) -> Result<(), Failure> {
     let data = data()?;
     let with_data = |step: Step| match &data {
         Some(dir) => step.env("PROXEL_DATA", dir),
@@ -22,7 +22,7 @@ pub fn test() -> Result<(), Failure> {
         let example = |name: &String| cargo(["run", "--quiet", "--package", "proxel", "--example", name]).run();
         names.iter().try_for_each(example)
     });
-    let python_end = dist::python_where_possible();
+    let python_end = dist::python_where_possible(full);
     let (tests_end, summary) = run_tests(with_data(cargo(["test", "--workspace", "--no-fail-fast"])));
 
     let word = |end: &Result<(), Failure>| if end.is_ok() { "ok" } else { "FAILED" };
