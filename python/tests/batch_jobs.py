@@ -18,8 +18,7 @@ def log(path, text):
 
 def work(item):
     a = item.arguments
-    # Of a Ray cluster, the node too.
-    log(a["log"], f"begin {item.id} {os.getpid()} {os.environ.get('RAY_RAYLET_PID', '-')}")
+    log(a["log"], f"begin {item.id} {os.getpid()}")
     act = a.get("act")
     if act == "abort":
         os.abort()
@@ -38,5 +37,9 @@ def work(item):
     if act == "memory":
         return {"much": np.ones(1 << 29)}
     time.sleep(a.get("sleep", 0.0))
+    # On a node that is to be lost, when six items have ended: in the middle for as long as it takes.
+    if a.get("victim") == os.environ.get("RAY_RAYLET_PID", "") and open(a["log"]).read().count("end ") >= 6:
+        log(a["log"], f"middle {item.id} {os.getpid()}")
+        time.sleep(300)
     log(a["log"], f"end {item.id} {os.getpid()}")
     return {"square": np.arange(3) ** 2 * int(item.id[1:]), "name": item.id, "bad": float("nan")}

@@ -93,6 +93,8 @@ def _answer(task: dict[str, Any], functions: dict[Any, Callable[[Any], Any]]) ->
         function = None
         if job.module is not None:
             if job not in functions:
+                # On other machines what the program finds may not be on the path yet.
+                sys.path += [p for p in task["path"] if p not in sys.path]
                 functions[job] = _find(job)
             function = functions[job]
         answer = execute(task["item"], job, task["settings"], function, task["out"], task["preview"])

@@ -1,11 +1,14 @@
-"""Where items run: on this machine, or on the nodes of a Ray cluster. An engine yields records as items end."""
+"""Where items run: on this machine, or on the nodes of a Ray cluster.
+
+An engine keeps the record of each item as it ends, and then yields it. What has ended when an engine is closed has been kept.
+"""
 
 from __future__ import annotations
 
 import queue
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from .._extras import extra
@@ -17,10 +20,12 @@ LOSSES = 5
 LOOK_SECONDS = 0.5
 
 Tasks = Sequence[dict[str, Any]]
+Keep = Callable[[dict[str, Any]], None]
 
 
-def local(tasks: Tasks, limits: Limits, workers: int) -> Iterator[dict[str, Any]]:
-    """A thread for each worker process, which waits for it."""
+def local(tasks: Tasks, limits: Limits, workers: int, keep: Keep) -> Iterator[dict[str, Any]]:
+    """A thread for each worker process, which waits for it, and keeps records: Ctrl-C comes to the main thread alone, so
+    that it cannot come between the end of an item and its record."""
     waiting: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
     for task in tasks:
         waiting.put(task)
@@ -34,6 +39,7 @@ def local(tasks: Tasks, limits: Limits, workers: int) -> Iterator[dict[str, Any]
                 task = waiting.get_nowait()
                 record = run_item(task, limits, kept, stop)
                 if record is not None:
+                    keep(record)
                     ended.put(record)
         except queue.Empty:
             pass
@@ -67,7 +73,7 @@ def local(tasks: Tasks, limits: Limits, workers: int) -> Iterator[dict[str, Any]
             thread.join()
 
 
-def ray(tasks: Tasks, limits: Limits, workers: int | None) -> Iterator[dict[str, Any]]:
+def ray(tasks: Tasks, limits: Limits, workers: int | None, keep: Keep) -> Iterator[dict[str, Any]]:
     """A Ray task for each item, `workers` at a time (what the cluster has room for), each in a process below Ray's."""
     cluster = extra("ray", "ray", "engine='ray'")
     if not cluster.is_initialized():
@@ -102,7 +108,9 @@ def ray(tasks: Tasks, limits: Limits, workers: int | None) -> Iterator[dict[str,
                         continue
                     reason = f"its machine was lost {losses[name]} times: {type(e).__name__}"
                     record = _record(task, {"status": "crashed", "reason": reason}, losses[name], 0.0)
-                yield {**record, "losses": losses.get(name, 0)}
+                record["losses"] = losses.get(name, 0)
+                keep(record)
+                yield record
     finally:
         for reference in running:
             cluster.cancel(reference, force=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import threading
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
@@ -29,6 +30,7 @@ class Journal:
 
     def __init__(self, folder: Path, fresh: bool) -> None:
         self.path = folder / NAME
+        self._turn = threading.Lock()
         flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0)
         try:
             self._file = os.open(self.path, flags, 0o644)
@@ -61,17 +63,19 @@ class Journal:
             return
 
     def add(self, record: dict[str, Any]) -> None:
-        """Appends a line, and sees that it is in the file before anything else happens."""
+        """Appends a line, and sees that it is in the file; from any thread."""
         line = json.dumps(record, separators=(",", ":"), allow_nan=False).encode() + b"\n"
-        end = os.fstat(self._file).st_size
-        written = os.write(self._file, line)
-        if written != len(line):
-            # No room: a torn line must not be followed by a whole one.
-            os.ftruncate(self._file, end)
-            raise OSError(f"{self.path}: the line of {record['id']!r} has no room on the disk; make some, and run again")
-        os.fsync(self._file)
-        self.records.pop(record["id"], None)
-        self.records[record["id"]] = record
+        with self._turn:
+            end = os.fstat(self._file).st_size
+            written = os.write(self._file, line)
+            if written != len(line):
+                # No room: a torn line must not be followed by a whole one.
+                os.ftruncate(self._file, end)
+                text = f"{self.path}: the line of {record['id']!r} has no room on the disk; make some, and run again"
+                raise OSError(text)
+            os.fsync(self._file)
+            self.records.pop(record["id"], None)
+            self.records[record["id"]] = record
 
     def close(self) -> None:
         os.close(self._file)

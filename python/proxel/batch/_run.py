@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -122,25 +123,24 @@ def run(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as e:
         raise InputError(f"{folder}: it cannot be made: {e.strerror}; give another folder") from e
+    common_task = {"job": what, "settings": common, "out": str(folder), "preview": preview, "path": sys.path}
     with Journal(folder, fresh) as journal:
         tasks = []
         for item, sha in zip(items, digests):
             before = journal.records.get(item.id)
             if before is None or before.get("digest") != sha or (retry_failed and before["status"] not in GOOD):
                 journal.records.pop(item.id, None)
-                tasks.append(
-                    {"item": item, "job": what, "settings": common, "out": str(folder), "preview": preview, "digest": sha}
-                )
+                tasks.append({**common_task, "item": item, "digest": sha})
         done = len(items) - len(tasks)
         counts = Counter(str(journal.records[i.id]["status"]) for i in items if i.id in journal.records)
         if tasks:
             count = workers or max(1, (os.cpu_count() or 1) // threads)
-            records = (
-                _engines.local(tasks, limits, count) if engine == "local" else _engines.ray(tasks, limits, workers)
-            )
+            if engine == "local":
+                records = _engines.local(tasks, limits, count, journal.add)
+            else:
+                records = _engines.ray(tasks, limits, workers, journal.add)
             try:
                 for record in records:
-                    journal.add(record)
                     done += 1
                     counts[record["status"]] += 1
                     if progress is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
@@ -20,6 +21,8 @@ from ._jobs import has_time_limit
 KEPT_BYTES = 8192
 #: Between two looks whether the batch is to end.
 LOOK_SECONDS = 0.1
+#: Between the closing of its pipe and the end of a worker.
+CLOSING_SECONDS = 1.0
 #: A worker that says nothing at all for so long has not started.
 START_SECONDS = 120.0
 #: What an allocator says before it aborts the process, in Rust, in C++ and in numpy's libraries.
@@ -124,6 +127,9 @@ class Worker:
                     raise TimeoutError from None
                 continue
             if answer is None:
+                # Its end of the pipe is closed before it is gone; its own status is wanted, not that of a kill.
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    self._process.wait(CLOSING_SECONDS)
                 raise Died(self.kill(), self.messages)
             if "begun" in answer:
                 end = None if seconds is None else time.monotonic() + seconds
@@ -143,10 +149,7 @@ class Worker:
     def kill(self) -> int | None:
         """Ends the process and all that it started; its exit status, negative for a signal."""
         # One that has ended by itself keeps its status.
-        try:
-            code: int | None = self._process.wait(0.2)
-        except subprocess.TimeoutExpired:
-            code = None
+        code = self._process.poll()
         try:
             if hasattr(os, "killpg"):
                 os.killpg(self._process.pid, signal.SIGKILL)
@@ -174,7 +177,7 @@ def run_item(
 ) -> dict[str, Any] | None:
     """Does one item in a worker, and gives its record; None where `stop` was set before it ended.
 
-    `task` has the `item`, its `job`, `settings`, `out`, `preview` and `digest`. `workers` keeps the worker from one item
+    `task` has the `item`, its `job`, `settings`, `out`, `preview`, `digest` and the `path` of modules. `workers` keeps the worker from one item
     to the next; without it this process keeps one. It is replaced where it died or was killed. The same function runs
     on this machine and on the nodes of a cluster.
     """
