@@ -123,8 +123,9 @@ def test_pyvista():
         np.testing.assert_array_equal(got, expected)
 
 
-def test_polyscope():
+def test_polyscope(tmp_path, monkeypatch):
     polyscope = pytest.importorskip("polyscope")
+    monkeypatch.chdir(tmp_path)  # it leaves its settings where it is started
     polyscope.init("openGL_mock")
     S, G = sphere(1)
     uv, info = proxel.unwrap(S, G)
@@ -133,8 +134,9 @@ def test_polyscope():
     assert interop.to_polyscope("body", beam()[0], T=beam()[1]).n_cells() == len(beam()[1])
 
 
-def test_tetrahedra_of_a_surface():
+def test_tetrahedra_of_a_surface(tmp_path, monkeypatch):
     pytest.importorskip("pytetwild")
+    monkeypatch.chdir(tmp_path)  # fTetWild leaves a file where it is started
     S, G = sphere(2)
     V, T = interop.tetrahedralize(S, G, edge_length_fac=0.3)
     volumes = np.linalg.det(V[T[:, 1:]] - V[T[:, :1]]) / 6

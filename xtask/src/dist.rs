@@ -37,10 +37,7 @@ pub fn dist(args: &[OsString]) -> Result<(), Failure> {
             }
         }
     }
-    let out = out.ok_or_else(|| Failure::usage("dist needs a folder; give --out DIR"))?;
-    // Chores run in the workspace's root, their callers elsewhere.
-    let out = std::env::current_dir().map_err(|e| Failure::other(format!("the current folder: {e}")))?.join(out);
-    fs::create_dir_all(&out).map_err(|e| Failure::other(format!("{} cannot be made: {e}", out.display())))?;
+    let out = folder(out.ok_or_else(|| Failure::usage("dist needs a folder; give --out DIR"))?)?;
     let mut written = vec![wheel(&out)?];
     if !wheel_only {
         written.push(command(&out)?);
@@ -62,7 +59,23 @@ pub fn python(args: &[OsString]) -> Result<(), Failure> {
     venv.run(["-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps"]).args([wheel]).run()?;
     // Not beside the sources, so that what is tested is what was installed.
     let tests = root().join("python").join("tests");
-    venv.run(["-m", "pytest"]).args([tests]).args(args).run()
+    let pytest = venv.run(["-m", "pytest"]).args([tests]).args(args).env("PROXEL_GALLERY", pictures());
+    // Commands of documents are tried where the program is there.
+    let program = target_dir().join("release").join(format!("proxel{}", std::env::consts::EXE_SUFFIX));
+    if program.exists() { pytest.env("PROXEL", program) } else { pytest }.run()
+}
+
+/// Where the tests of the gallery leave its pictures.
+pub fn pictures() -> PathBuf {
+    target_dir().join("gallery")
+}
+
+/// A folder that an argument names, made where it is not there. Chores run in the workspace's root, their callers elsewhere.
+pub fn folder(named: PathBuf) -> Result<PathBuf, Failure> {
+    let here = std::env::current_dir().map_err(|e| Failure::other(format!("the current folder: {e}")))?;
+    let folder = here.join(named);
+    make(&folder)?;
+    Ok(folder)
 }
 
 fn testing() -> Result<Venv, Failure> {
@@ -83,14 +96,14 @@ pub fn python_where_possible(full: bool) -> Result<Option<String>, Failure> {
 }
 
 /// The release of the command.
-fn command(out: &Path) -> Result<PathBuf, Failure> {
+pub fn command(out: &Path) -> Result<PathBuf, Failure> {
     cargo(["build", "--release", "--package", "proxel-cli"]).run()?;
     let name = format!("proxel{}", std::env::consts::EXE_SUFFIX);
     copy(&target_dir().join("release").join(&name), &out.join(&name))
 }
 
 /// Exactly one wheel, for every Python from the oldest on.
-fn wheel(out: &Path) -> Result<PathBuf, Failure> {
+pub fn wheel(out: &Path) -> Result<PathBuf, Failure> {
     let venv = Venv::new(BUILDING_IN, &[MATURIN])?;
     let built = target_dir().join("maturin-wheels");
     if built.exists() {
@@ -126,10 +139,11 @@ fn make(folder: &Path) -> Result<(), Failure> {
 }
 
 /// A virtual environment, kept for the next time.
-struct Venv(PathBuf);
+pub struct Venv(PathBuf);
 
 impl Venv {
-    fn new(name: &str, packages: &[&str]) -> Result<Self, Failure> {
+    /// With these packages, below the target folder.
+    pub fn new(name: &str, packages: &[&str]) -> Result<Self, Failure> {
         let venv = Venv(target_dir().join(name));
         if !venv.python().exists() {
             let python = python3()?;
@@ -152,7 +166,8 @@ impl Venv {
         below.iter().fold(self.0.clone(), |path, part| path.join(part))
     }
 
-    fn run<const N: usize>(&self, args: [&str; N]) -> Step {
+    /// Its Python with these arguments.
+    pub fn run<const N: usize>(&self, args: [&str; N]) -> Step {
         program(self.python().as_os_str(), args)
     }
 }

@@ -7,6 +7,7 @@ mod dist;
 #[cfg(test)]
 mod rules;
 mod run;
+mod site;
 mod summary;
 mod test;
 
@@ -27,6 +28,7 @@ Chores:
   dist [--wheel] --out DIR  the wheel of the Python package, and without --wheel the command, as released
   python [ARGS]           builds the wheel and runs its tests by pytest, with these arguments; --full, the
                           first of them, brings all packages that it works with
+  site --out DIR          the documents as a site, with the gallery; a link that leads nowhere fails
   help                    this text
 
 PYTHON names the Python to be used instead of python3; what else is needed comes from PyPI into the target folder.
@@ -44,6 +46,7 @@ fn main() -> ExitCode {
         "repro" => cargo(["run", "--release", "--package", "proxel-bench", "--bin", "repro", "--"]).args(rest).run(),
         "dist" => dist::dist(&rest),
         "python" => dist::python(&rest),
+        "site" => site::site(&rest),
         "help" | "--help" | "-h" => {
             println!("{HELP}");
             Ok(())
