@@ -5,6 +5,8 @@
 
 mod dist;
 #[cfg(test)]
+mod licences;
+#[cfg(test)]
 mod rules;
 mod run;
 mod site;
