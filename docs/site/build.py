@@ -184,23 +184,26 @@ def gallery(pages: Path, pictures: Path | None) -> None:
     lines = [
         "# Gallery",
         "",
-        "Short scripts, each with the picture that it leaves; they are run with the tests of the package. Meshes and images are",
-        "made by `python/examples/meshes.py`, which is at the end.",
+        "Short scripts, each with the picture that it leaves; they are run with the tests of the package. Meshes and",
+        "images are made by `python/examples/meshes.py`, which is at the end.",
         "",
     ]
     for example in examples:
         text = example.read_text(encoding="utf-8")
-        said = ast.get_docstring(ast.parse(text)) or ""
+        tree = ast.parse(text)
+        said = ast.get_docstring(tree) or ""
+        # What it says of itself stands above its picture.
+        first = tree.body[0].end_lineno if said else 0
         target = folder / f"{example.stem}.png"
         if pictures is not None:
             shutil.copy(pictures / target.name, target)
         else:
             subprocess.run([sys.executable, example, target], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-        code = text.split('"""\n', 2)[-1].strip()
+        code = "\n".join(text.splitlines()[first:]).strip()
         lines += [f"## {example.stem.replace('_', ' ').capitalize()}", "", said, ""]
-        lines += [f"![{said}](gallery/{target.name})", "", f"```python title=\"{example.name}\"", code, "```", ""]
+        lines += [f"![{said}](gallery/{target.name})", "", f'```python title="{example.name}"', code, "```", ""]
     meshes = (ROOT / "python" / "examples" / "meshes.py").read_text(encoding="utf-8")
-    lines += ["## What they are made of", "", "```python title=\"meshes.py\"", meshes.strip(), "```", ""]
+    lines += ["## What they are made of", "", '```python title="meshes.py"', meshes.strip(), "```", ""]
     (pages / "gallery.md").write_text("\n".join(lines), encoding="utf-8")
 
 

@@ -15,5 +15,7 @@ for degrees in range(15, 121, 15):
     print(f"{degrees:3} degrees: {info.status} after {info.iterations} iterations, {info.energy:.3e} J")
     assert info.status == "converged" and info.inverted == 0
 # Pictures are of single runs: one that begins at the pose and stays there.
-_, shown = proxel.deform(V, T, pins=np.r_[left, right], targets=np.r_[V[left], targets], start=X, young=1e6, max_iters=0)
+_, shown = proxel.deform(
+    V, T, pins=np.r_[left, right], targets=np.r_[V[left], targets], start=X, young=1e6, max_iters=0
+)
 shown.save_preview(picture())

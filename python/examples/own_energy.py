@@ -24,7 +24,10 @@ pull[V[:, 0] == 3] = [60.0, 0.0, -25.0]
 common = dict(pins=held, forces=pull, method="lbfgs", material="arap", mu=2e4, lambda_=0.0)
 plain, _ = proxel.deform(V, T, **common)
 X, info = proxel.deform(V, T, energy=fibres, **common)
-print(f"{info.status} after {info.iterations} iterations: longest {X[:, 0].max():.3f}, {plain[:, 0].max():.3f} without fibres")
+print(
+    f"{info.status} after {info.iterations} iterations: longest {X[:, 0].max():.3f}, "
+    f"{plain[:, 0].max():.3f} without fibres"
+)
 assert info.status == "converged" and X[:, 0].max() < plain[:, 0].max()
 # The picture is of the built-in material, in that pose.
 _, shown = proxel.deform(V, T, start=X, max_iters=0, **{**common, "method": "auto"})

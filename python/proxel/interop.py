@@ -119,7 +119,9 @@ def to_trimesh(V: ArrayLike, F: Any, uv: ArrayLike | None = None, uv_faces: Any 
     who = np.concatenate([np.ravel(face) for face in F])
     where = np.concatenate([np.ravel(face) for face in corners]).astype(np.int64)
     if who.shape != where.shape or (where < 0).any():
-        raise InputError("uv_faces: a face is not mapped, or has another number of corners than in F; leave it out of F")
+        raise InputError(
+            "uv_faces: a face is not mapped, or has another number of corners than in F; leave it out of F"
+        )
     # Each row of uv is that of one vertex; vertices that no face uses have no texture and are left out.
     owner = np.zeros(len(flat), dtype=np.int64)
     owner[where] = who
@@ -177,7 +179,9 @@ def to_pyvista(
     if uv is not None:
         flat_uv = _arrays.table(uv, 2, "uv")
         if len(flat_uv) != len(points):
-            raise InputError(f"uv: it has {len(flat_uv)} rows for {len(points)} vertices: the map is cut; use to_trimesh")
+            raise InputError(
+                f"uv: it has {len(flat_uv)} rows for {len(points)} vertices: the map is cut; use to_trimesh"
+            )
         mesh.active_texture_coordinates = flat_uv
     return mesh
 
@@ -218,7 +222,8 @@ def to_polyscope(
 
 def tetrahedralize(V: ArrayLike, F: ArrayLike, **settings: Any) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Tetrahedra within a closed surface, by fTetWild through pytetwild, whose settings these are
-    (`edge_length_fac=0.05`, `epsilon=1e-3`, ...). The surface is met within `epsilon` of its diagonal, not vertex by vertex.
+    (`edge_length_fac=0.05`, `epsilon=1e-3`, ...). The surface is met within `epsilon` of its diagonal, not vertex by
+    vertex.
 
     Returns positions (n, 3) and tetrahedra (m, 4) of positive volume, as `deform` takes them. Raises InputError where
     pytetwild makes none, SolveError where it fails.
@@ -253,7 +258,9 @@ def gradient_operator(V: ArrayLike, T: ArrayLike) -> Any:
     edges = points[cells[:, 1:]] - points[cells[:, :1]]  # rows are the edges
     volumes = np.linalg.det(edges)
     if (volumes == 0.0).any():
-        raise InputError(f"T: tetrahedron {int(np.flatnonzero(volumes == 0.0)[0])} (0-based) has no volume; leave it out")
+        raise InputError(
+            f"T: tetrahedron {int(np.flatnonzero(volumes == 0.0)[0])} (0-based) has no volume; leave it out"
+        )
     inverse = np.linalg.inv(edges)  # columns are the gradients of the last three corners' hat functions
     hats = np.concatenate([-inverse.sum(2, keepdims=True), inverse], axis=2)  # (m, 3, 4)
     m = len(cells)
@@ -278,7 +285,9 @@ def cotangent_laplacian(V: ArrayLike, F: ArrayLike) -> Any:
         a, b = points[i] - points[o], points[j] - points[o]
         double_area = np.linalg.norm(np.cross(a, b), axis=1)
         if (double_area == 0.0).any():
-            raise InputError(f"F: face {int(np.flatnonzero(double_area == 0.0)[0])} (0-based) has no area; leave it out")
+            raise InputError(
+                f"F: face {int(np.flatnonzero(double_area == 0.0)[0])} (0-based) has no area; leave it out"
+            )
         half = 0.5 * (a * b).sum(1) / double_area
         values, rows, columns = np.r_[half, half, -half, -half], np.r_[i, j, i, j], np.r_[i, j, j, i]
         total = total + sparse.csr_matrix((values, (rows, columns)), shape=(n, n))

@@ -1,4 +1,5 @@
-"""Functions that batches of the tests run in other processes. Each leaves a line in a log when it begins and when it ends."""
+"""Functions that batches of the tests run in other processes. Each leaves a line in a log when it begins
+and when it ends."""
 
 from __future__ import annotations
 

@@ -57,7 +57,9 @@ def test_a_folder_has_the_bits_of_single_calls_and_is_not_done_twice(tmp_path):
     source, out = meshes(tmp_path / "in"), tmp_path / "in" / "out"
     (source / "sub").mkdir()
     V, F = patch(5)
-    rows = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in V.tolist()) + "".join(f"f {a}//1 {b} {c}\n" for a, b, c in F + 1)
+    rows = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in V.tolist()) + "".join(
+        f"f {a}//1 {b} {c}\n" for a, b, c in F + 1
+    )
     (source / "sub" / "a b.obj").write_text("# made\n" + rows)
     records = batch.run(source, "unwrap", out, settings={"tol": 1e-8}, workers=2)
     assert [r["id"] for r in records] == ["m0.npz", "m1.npz", "m2.npz", "sub/a b.obj"]
@@ -101,7 +103,11 @@ def test_what_one_item_does_to_its_process_no_other_notices(tmp_path):
     # One line an item; what is fine ran once.
     assert Counter(r["id"] for r in lines(tmp_path / "out")) == {f"i{k}": 1 for k in range(10)}
     begun = logged(tmp_path, "begin")
-    assert all(begun[f"i{k}"] == 1 for k in (0, 2, 4, 7, 8, 9)) and logged(tmp_path, "end") == {"i0": 1, "i2": 1, "i9": 1}
+    assert all(begun[f"i{k}"] == 1 for k in (0, 2, 4, 7, 8, 9)) and logged(tmp_path, "end") == {
+        "i0": 1,
+        "i2": 1,
+        "i9": 1,
+    }
     # A second run does nothing; retry_failed does what has no result.
     batch.run(todo, work, tmp_path / "out")
     assert logged(tmp_path, "begin") == begun
@@ -204,7 +210,8 @@ def test_a_torn_line_is_taken_away_wherever_it_is_torn(tmp_path):
 
 def test_manifests(tmp_path):
     (tmp_path / "list.jsonl").write_text(
-        '# scans\n{"mesh": "a.obj", "method": "slim"}\n\n"b c.obj"\nd.obj\n{"id": "x/y", "mesh": "a.obj", "pins": [1]}\n'
+        '# scans\n{"mesh": "a.obj", "method": "slim"}\n\n"b c.obj"\nd.obj\n'
+        '{"id": "x/y", "mesh": "a.obj", "pins": [1]}\n'
     )
     got = batch.read_items(tmp_path / "list.jsonl", "unwrap")
     assert [i.id for i in got] == ["a.obj", "b c.obj", "d.obj", "x/y"]
@@ -247,7 +254,10 @@ def test_every_job(tmp_path):
     body = beam((2, 1, 1))
     ends = np.flatnonzero((body[0][:, 0] == 0) | (body[0][:, 0] == 3))
     image = np.random.default_rng(0).random((24, 24))
-    scene = {"time": {"dt": 0.02, "frames": 1}, "body": [{"name": "c", "generate": {"bar": {"cells": [1, 1, 1], "size": [1, 1, 1]}}}]}
+    scene = {
+        "time": {"dt": 0.02, "frames": 1},
+        "body": [{"name": "c", "generate": {"bar": {"cells": [1, 1, 1], "size": [1, 1, 1]}}}],
+    }
     recipe = {"constraint": [{"kind": "planar"}, {"kind": "near", "weight": 1.0}]}
     near = {"max_iters": 200}
     jobs = {

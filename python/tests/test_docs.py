@@ -1,5 +1,5 @@
-"""The code of the documents runs, each document from top to bottom, in a folder of its own; so do the commands of those that
-begin with commands, where the environment variable PROXEL names the program."""
+"""The code of the documents runs, each document from top to bottom, in a folder of its own; so do the commands
+of those that begin with commands, where the environment variable PROXEL names the program."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent.parent
-PAGES = sorted(str(p.relative_to(ROOT)) for p in [*ROOT.glob("docs/*.md"), *ROOT.glob("*.md"), ROOT / "python/README.md"])
+PAGES = sorted(
+    str(p.relative_to(ROOT)) for p in [*ROOT.glob("docs/*.md"), *ROOT.glob("*.md"), ROOT / "python/README.md"]
+)
 
 
 def blocks(name, language):
@@ -36,7 +38,13 @@ def test_code_of(name, tmp_path, monkeypatch):
 
 def test_pages_with_code_are_found():
     found = {n for n in PAGES if blocks(n, "python")}
-    assert {"docs/python.md", "docs/start.md", "docs/compare.md", "docs/troubleshooting.md", "python/README.md"} <= found
+    assert {
+        "docs/python.md",
+        "docs/start.md",
+        "docs/compare.md",
+        "docs/troubleshooting.md",
+        "python/README.md",
+    } <= found
 
 
 @pytest.mark.full

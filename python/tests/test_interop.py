@@ -14,7 +14,10 @@ def test_files_by_numpy_alone(tmp_path):
     V, F = patch(3)
     mixed = [[0, 1, 5, 4], [1, 2, 6], [1, 6, 5]]
     np.savez(tmp_path / "a.npz", V=V, F=F)
-    obj = "".join(f"v {x!r} {y!r} {z!r} 1 0 0\n" for x, y, z in V.tolist()) + "vt 0 0\nf 1/1 2/1/1 6//1 5\nf -15 3 7\nf 2 7 6\n"
+    obj = (
+        "".join(f"v {x!r} {y!r} {z!r} 1 0 0\n" for x, y, z in V.tolist())
+        + "vt 0 0\nf 1/1 2/1/1 6//1 5\nf -15 3 7\nf 2 7 6\n"
+    )
     (tmp_path / "b.obj").write_text(obj)
     off = f"OFF # a comment\n{len(V)} 3 0\n\n" + "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in V.tolist())
     (tmp_path / "c.off").write_text(off + "4 0 1 5 4\n3 1 2 6 255 0 0\n3 1 6 5\n")

@@ -1,6 +1,6 @@
 """Figures for docs/scale.md: a batch of maps by 1, 2, .. workers, beside the same calls in one process.
 
-    python tools/throughput.py [ITEMS [WORKERS ...]]
+python tools/throughput.py [ITEMS [WORKERS ...]]
 """
 
 from __future__ import annotations
@@ -58,9 +58,8 @@ def main() -> None:
             assert records.counts == {"converged": count}, records.counts
             solving = sum(r["report"]["seconds"]["setup"] + r["report"]["seconds"]["solve"] for r in records)
             peak = max(r["peak_bytes"] or 0 for r in records) / 1e6
-            print(
-                f"{workers} | {wall:.1f} | {count / wall:.2f} | {processor / count:.3f} | {solving / count:.3f} | {peak:.0f}"
-            )
+            each = f"{processor / count:.3f} | {solving / count:.3f}"
+            print(f"{workers} | {wall:.1f} | {count / wall:.2f} | {each} | {peak:.0f}")
     print(f"load {os.getloadavg()[0]:.1f} after")
 
 

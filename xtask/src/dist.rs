@@ -70,7 +70,8 @@ pub fn pictures() -> PathBuf {
     target_dir().join("gallery")
 }
 
-/// A folder that an argument names, made where it is not there. Chores run in the workspace's root, their callers elsewhere.
+/// A folder that an argument names, made where it is not there. Chores run in the workspace's root, their callers
+/// elsewhere.
 pub fn folder(named: PathBuf) -> Result<PathBuf, Failure> {
     let here = std::env::current_dir().map_err(|e| Failure::other(format!("the current folder: {e}")))?;
     let folder = here.join(named);

@@ -1,5 +1,5 @@
-//! A test of the licences of all dependencies, by the list in deny.toml that cargo-deny reads, and of the one version that all
-//! manifests and the citation have.
+//! A test of the licences of all dependencies, by the list in deny.toml that cargo-deny reads, and of the one version
+//! that all manifests and the citation have.
 
 use crate::run::{root, target_dir};
 use std::collections::BTreeSet;

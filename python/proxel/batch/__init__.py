@@ -3,8 +3,8 @@
     records = proxel.batch.run("scans", "unwrap", "uv", time_limit=60, memory_limit="4G")
     print(records.counts)                                  # {"converged": 97, "refused": 2, "crashed": 1}
 
-`run` takes a folder, a manifest or a list, the name of a job or a function of your own, and a folder for results. A line
-of `results.jsonl` is appended as each item ends; the same call again goes on where the last one ended. With
+`run` takes a folder, a manifest or a list, the name of a job or a function of your own, and a folder for results. A
+line of `results.jsonl` is appended as each item ends; the same call again goes on where the last one ended. With
 `engine="ray"` the same `run_item` runs on the nodes of a Ray cluster. docs/scale.md says what that costs and gives.
 """
 

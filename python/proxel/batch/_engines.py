@@ -1,6 +1,7 @@
 """Where items run: on this machine, or on the nodes of a Ray cluster.
 
-An engine keeps the record of each item as it ends, and then yields it. What has ended when an engine is closed has been kept.
+An engine keeps the record of each item as it ends, and then yields it. What has ended when an engine is closed has been
+kept.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ Keep = Callable[[dict[str, Any]], None]
 
 
 def local(tasks: Tasks, limits: Limits, workers: int, keep: Keep) -> Iterator[dict[str, Any]]:
-    """A thread for each worker process, which waits for it, and keeps records: Ctrl-C comes to the main thread alone, so
-    that it cannot come between the end of an item and its record."""
+    """A thread for each worker process, which waits for it, and keeps records: Ctrl-C comes to the main thread alone,
+    so that it cannot come between the end of an item and its record."""
     waiting: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
     for task in tasks:
         waiting.put(task)

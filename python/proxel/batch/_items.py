@@ -84,7 +84,9 @@ def _checked(items: Iterable[Item], folder: str | os.PathLike[str] | None) -> li
             continue
         target = Path(folder, output_name(item.id)).resolve()
         if any(isinstance(v, str) and item.path(v).resolve() == target for v in item.arguments.values()):
-            raise InputError(f"{target}: the result of {item.id!r} would be written over it; give another folder for results")
+            raise InputError(
+                f"{target}: the result of {item.id!r} would be written over it; give another folder for results"
+            )
     return out
 
 
@@ -168,7 +170,7 @@ def output_name(name: str) -> Path:
 
 
 def digest(item: Item, job: str, settings: Mapping[str, Any]) -> str:
-    """SHA-256 of what the result depends on: the job, its arguments, and the content of the meshes and arrays they name."""
+    """SHA-256 of what the result depends on: the job, its arguments, and the content of meshes and arrays they name."""
     sha = hashlib.sha256(job.encode())
 
     def add(value: Any, key: str = "") -> None:

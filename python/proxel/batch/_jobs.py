@@ -53,7 +53,9 @@ def job_of(job: str | Callable[[Item], Any]) -> Job:
         return Job(job)
     name, module = getattr(job, "__qualname__", ""), getattr(job, "__module__", None)
     if not module or not name.isidentifier():
-        raise InputError(f"job is {job!r}; give a function at the top level of a module, for other processes to find it")
+        raise InputError(
+            f"job is {job!r}; give a function at the top level of a module, for other processes to find it"
+        )
     if module != "__main__":
         return Job(name, module)
     import __main__
@@ -143,7 +145,9 @@ def _split(answer: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     if isinstance(answer, Info):
         return {k: v for k, v in answer.to_dict().items() if k != "settings"}, {}
     if not isinstance(answer, Mapping):
-        raise TypeError(f"the function returned a {type(answer).__name__}; return a dict of arrays and numbers, or None")
+        raise TypeError(
+            f"the function returned a {type(answer).__name__}; return a dict of arrays and numbers, or None"
+        )
     arrays = {str(k): v for k, v in answer.items() if isinstance(v, np.ndarray)}
     return {str(k): v for k, v in answer.items() if str(k) not in arrays}, arrays
 

@@ -17,9 +17,10 @@ from typing import Any
 from .._core import InputError
 from .._extras import extra
 
-#: How an item ends, the best first. `done`: a function returned; `stopped`: by a limit, with the best so far; `failed`: by the solver, or by an
-#: exception of a function; `refused`: the input is no problem; `timeout`: killed, as it did not heed its time limit;
-#: `memory`: it wanted more than its limit; `crashed`: its process ended by a signal or without an answer.
+#: How an item ends, the best first. `done`: a function returned; `stopped`: by a limit, with the best so far; `failed`:
+#: by the solver, or by an exception of a function; `refused`: the input is no problem; `timeout`: killed, as it did not
+#: heed its time limit; `memory`: it wanted more than its limit; `crashed`: its process ended by a signal or without an
+#: answer.
 STATUSES = ("done", "converged", "stopped", "cancelled", "failed", "refused", "timeout", "memory", "crashed")
 
 NAME = "results.jsonl"

@@ -177,7 +177,7 @@ def _limits(time: float | None, memory: int | str | None, threads: int, retries:
 
 
 def _bytes(text: str) -> int:
-    """"4G", "512M", "1073741824": powers of 1024."""
+    """ "4G", "512M", "1073741824": powers of 1024."""
     plain = text.strip().upper().removesuffix("IB").removesuffix("B")
     digits, shift = (plain[:-1], UNITS[plain[-1]]) if plain[-1:] in UNITS else (plain, 0)
     if not digits.isdecimal():

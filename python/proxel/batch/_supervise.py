@@ -108,10 +108,8 @@ class Worker:
             pass
 
     def call(self, task: dict[str, Any], seconds: float | None, stop: threading.Event | None) -> dict[str, Any] | None:
-        """Has a task done: its answer, or None where the batch is to end. Raises Died, and TimeoutError after `seconds`.
-
-        After each of these the worker is gone.
-        """
+        """Has a task done: its answer, or None where the batch is to end. Raises Died, and TimeoutError after
+        `seconds`. After each of these the worker is gone."""
         self._tell(task)
         # Until it says that it has begun it is starting, which is no time of the item.
         end: float | None = time.monotonic() + START_SECONDS
@@ -177,9 +175,9 @@ def run_item(
 ) -> dict[str, Any] | None:
     """Does one item in a worker, and gives its record; None where `stop` was set before it ended.
 
-    `task` has the `item`, its `job`, `settings`, `out`, `preview`, `digest` and the `path` of modules. `workers` keeps the worker from one item
-    to the next; without it this process keeps one. It is replaced where it died or was killed. The same function runs
-    on this machine and on the nodes of a cluster.
+    `task` has the `item`, its `job`, `settings`, `out`, `preview`, `digest` and the `path` of modules. `workers` keeps
+    the worker from one item to the next; without it this process keeps one. It is replaced where it died or was
+    killed. The same function runs on this machine and on the nodes of a cluster.
     """
     kept = _kept if workers is None else workers
     seconds = limits.seconds_to_kill(has_time_limit(task["job"]))
