@@ -113,6 +113,7 @@ class Worker:
         self._tell(task)
         # Until it says that it has begun it is starting, which is no time of the item.
         end: float | None = time.monotonic() + START_SECONDS
+        what = f"its process had not started after {START_SECONDS:g} seconds"
         while True:
             try:
                 answer: dict[str, Any] | None = self._answers.get(timeout=LOOK_SECONDS)
@@ -122,7 +123,7 @@ class Worker:
                     return None
                 if end is not None and time.monotonic() > end:
                     self.kill()
-                    raise TimeoutError from None
+                    raise TimeoutError(what) from None
                 continue
             if answer is None:
                 # Its end of the pipe is closed before it is gone; its own status is wanted, not that of a kill.
@@ -131,6 +132,7 @@ class Worker:
                 raise Died(self.kill(), self.messages)
             if "begun" in answer:
                 end = None if seconds is None else time.monotonic() + seconds
+                what = f"killed after {seconds} seconds"
                 continue
             self.done += 1
             return answer
@@ -195,8 +197,9 @@ def run_item(
             answer = worker.call(task, seconds, stop)
         except Died as e:
             answer = _of_death(e, limits)
-        except TimeoutError:
-            answer = {"status": "timeout", "reason": f"killed after {seconds} seconds", "signal": int(signal.SIGKILL)}
+        except TimeoutError as e:
+            # Windows has no signals; there a process is terminated.
+            answer = {"status": "timeout", "reason": str(e), "signal": getattr(signal, "SIGKILL", None)}
         if answer is None:
             kept.clear()
             return None
