@@ -304,6 +304,22 @@ def test_limits_of_jobs(tmp_path):
     assert "a: it has no `F`" in missing[0]["reason"] and "b.obj: it cannot be read" in missing[1]["reason"]
 
 
+@posix
+@pytest.mark.full
+def test_a_job_that_needs_more_than_its_memory_is_told_from_a_crash(tmp_path):
+    V, T = beam((80, 20, 20), (4.0, 1.0, 1.0))
+    pins = np.flatnonzero((V[:, 0] == 0) | (V[:, 0] == 4))
+    todo = [{"id": "fine", "V": beam()[0], "T": beam()[1], "pins": [0]}, {"id": "large", "V": V, "T": T, "pins": pins}]
+    todo[1]["targets"] = V[pins] + np.where(V[pins, :1] == 4, [[0.4, 0.3, 0.0]], 0.0)
+    records = batch.run(todo, "deform", tmp_path / "out", memory_limit="300M", workers=1)
+    # Refused memory ends the compiled part by SIGABRT; in a worker that had done others it is tried in a fresh one.
+    assert [(r["status"], r["signal"], r["attempts"]) for r in records] == [
+        ("converged", None, 1),
+        ("memory", signal.SIGABRT, 1),
+    ]
+    assert "memory allocation of" in records[1]["reason"]
+
+
 def test_parquet(tmp_path, monkeypatch):
     todo = items(tmp_path, ["fine", "raise"])
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)

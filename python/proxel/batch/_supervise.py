@@ -220,8 +220,13 @@ def _of_death(e: Died, limits: Limits) -> dict[str, Any]:
     last = e.messages.splitlines()[-1].strip() if e.messages else ""
     number = -e.code if e.code is not None and e.code < 0 else None
     said = f": {last}" if last else ""
-    if limits.memory is not None and any(text in e.messages for text in OUT_OF_MEMORY):
-        return {"status": "memory", "reason": f"it wanted more than {limits.memory} bytes{said}", "signal": number}
+    wanted = [line.strip() for line in e.messages.splitlines() if any(text in line for text in OUT_OF_MEMORY)]
+    if limits.memory is not None and wanted:
+        return {
+            "status": "memory",
+            "reason": f"it met its limit of {limits.memory} bytes: {wanted[0]}",
+            "signal": number,
+        }
     if number is None:
         return {"status": "crashed", "reason": f"its process ended by exit status {e.code}{said}", "exit_code": e.code}
     try:
