@@ -84,8 +84,9 @@ def run(
 
     `out` gets OUT/id.npz with the arrays, with `preview` OUT/id.png, and a line of `results.jsonl` as each item ends.
     The same call again does only what has not ended, or whose files, arguments or job have changed; `retry_failed` does
-    again what is neither "done" nor "converged", `fresh` all. An item that was running when a batch was broken off is
-    done again; none has two lines for one end. `parquet` writes `results.parquet` besides (`proxel[parquet]`).
+    again what is neither "done" nor "converged", `fresh` all. Limits, threads and workers may change. An item that was
+    running when a batch was broken off is done again; none has two lines for one end. `parquet` writes
+    `results.parquet` besides (`proxel[parquet]`).
 
     `workers` processes (one for each `threads` processors) have `threads` each. After `time_limit` seconds a job stops
     with the best so far (status "stopped") and is killed after twice the time and ten seconds more ("timeout"); a
@@ -112,7 +113,7 @@ def run(
         require_parquet()
     common = dict(settings or {})
     name = what.name if what.module is None else f"{what.module}:{what.name}"
-    # What stops a run at its limit changes the result; the rest of the limits does not.
+    # Limits are not part of it: what has ended is not done again because they have changed.
     digests = [digest(item, name, {**common, **({} if preview is False else {"preview": True})}) for item in items]
     if has_time_limit(what):
         common.setdefault("threads", threads)
