@@ -126,7 +126,8 @@ def test_pyvista():
 
 def test_polyscope(tmp_path, monkeypatch):
     polyscope = pytest.importorskip("polyscope")
-    monkeypatch.chdir(tmp_path)  # it leaves its settings where it is started
+    monkeypatch.chdir(tmp_path)
+    polyscope.set_use_prefs_file(False)  # it leaves its settings where it is started
     polyscope.init("openGL_mock")
     S, G = sphere(1)
     uv, info = proxel.unwrap(S, G)

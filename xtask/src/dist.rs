@@ -24,7 +24,7 @@ const FULL: [&str; 5] = ["ray>=2.40", "pyarrow>=14", "pyvista>=0.43", "polyscope
 /// The oldest Python that the package is for.
 const OLDEST: (u32, u32) = (3, 10);
 
-/// `cargo xtask dist [--wheel] --out DIR`: the wheel, and without `--wheel` the command too.
+/// `cargo xtask dist [--wheel] --out DIR`: the wheel, and without `--wheel` the package as source and the command too.
 pub fn dist(args: &[OsString]) -> Result<(), Failure> {
     let (mut wheel_only, mut out) = (false, None);
     let mut args = args.iter();
@@ -40,6 +40,7 @@ pub fn dist(args: &[OsString]) -> Result<(), Failure> {
     let out = folder(out.ok_or_else(|| Failure::usage("dist needs a folder; give --out DIR"))?)?;
     let mut written = vec![wheel(&out)?];
     if !wheel_only {
+        written.push(sources(&out)?);
         written.push(command(&out)?);
     }
     for path in written {
@@ -101,6 +102,15 @@ pub fn command(out: &Path) -> Result<PathBuf, Failure> {
     cargo(["build", "--release", "--package", "proxel-cli"]).run()?;
     let name = format!("proxel{}", std::env::consts::EXE_SUFFIX);
     copy(&target_dir().join("release").join(&name), &out.join(&name))
+}
+
+/// The Python package as source, with all crates that it is built from.
+fn sources(out: &Path) -> Result<PathBuf, Failure> {
+    let venv = Venv::new(BUILDING_IN, &[MATURIN])?;
+    let manifest = root().join("python").join("Cargo.toml");
+    venv.run(["-m", "maturin", "sdist", "--manifest-path"]).args([&manifest, Path::new("--out"), out]).run()?;
+    let path = out.join(concat!("proxel-", env!("CARGO_PKG_VERSION"), ".tar.gz"));
+    if path.exists() { Ok(path) } else { Err(Failure::other(format!("maturin left no {}", path.display()))) }
 }
 
 /// Exactly one wheel, for every Python from the oldest on.

@@ -27,7 +27,8 @@ Chores:
   lint                    formatting, clippy and the documentation, warnings being errors
   demo [ARGS]             proxel demo, as released
   repro NAME --out DIR    a reproduction of a published table or figure; --help lists them
-  dist [--wheel] --out DIR  the wheel of the Python package, and without --wheel the command, as released
+  dist [--wheel] --out DIR  the wheel of the Python package, and without --wheel its sources and the command, as
+                          released
   python [ARGS]           builds the wheel and runs its tests by pytest, with these arguments; --full, the
                           first of them, brings all packages that it works with
   site --out DIR          the documents as a site, with the gallery; a link that leads nowhere fails
