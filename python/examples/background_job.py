@@ -5,7 +5,7 @@ from meshes import bar, picture, rotated
 
 import proxel
 
-V, T = bar((20, 5, 5), (4.0, 1.0, 1.0))
+V, T = bar((14, 3, 3), (4.0, 1.0, 1.0))
 left, right = np.flatnonzero(V[:, 0] == 0), np.flatnonzero(V[:, 0] == 4)
 targets = np.r_[V[left], rotated(V[right], (0, 0, 1), 90, (2, 1.5, 0.5))]
 job = proxel.Job(proxel.deform, V, T, pins=np.r_[left, right], targets=targets, young=1e6, trace=True)

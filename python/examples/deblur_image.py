@@ -5,7 +5,7 @@ from meshes import checks, picture
 
 import proxel
 
-truth = checks(128)
+truth = checks(100)
 steps = np.linspace(-4, 4, 33)
 blurred = np.mean([np.roll(truth, round(s), axis=1) for s in steps], axis=0)[:, 8:-8]
 psf = np.bincount(np.round(steps).astype(int) + 4, minlength=9)[None, :] / len(steps)

@@ -5,7 +5,7 @@ from meshes import checks, picture
 
 import proxel
 
-truth = np.stack([checks(), checks()[::-1], 1 - checks()], axis=-1)
+truth = np.stack([checks(64), checks(64)[::-1], 1 - checks(64)], axis=-1)
 known = np.random.default_rng(0).random(truth.shape[:2]) < 0.3
 seen = np.where(known[..., None], truth, 0.0)
 filled, info = proxel.inpaint(seen, known, truth=truth, lambda_=1000.0)

@@ -17,7 +17,7 @@ def fibres(F, mu=2e4, k=4e4):
     return mu * (D**2).sum((1, 2)) + k / 2 * s**2, P
 
 
-V, T = bar((12, 3, 3), (3.0, 0.8, 0.8))
+V, T = bar((10, 2, 2), (3.0, 0.8, 0.8))
 held = np.flatnonzero(V[:, 0] == 0)
 pull = np.zeros_like(V)
 pull[V[:, 0] == 3] = [60.0, 0.0, -25.0]

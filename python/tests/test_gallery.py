@@ -39,7 +39,7 @@ def test_example(name, tmp_path):
     assert run.stdout, "an example says what it has found"
     width, height, raw = pixels(out)
     # An empty picture has a colour or two.
-    assert width >= 96 and height >= 96 and len(set(raw)) > 30
+    assert width >= 64 and height >= 64 and len(set(raw)) > 30
     kept = os.environ.get("PROXEL_GALLERY")
     if kept:
         Path(kept).mkdir(parents=True, exist_ok=True)
