@@ -4,7 +4,11 @@ Arrays come in any type, order and as views, are never changed and never renumbe
 int32 for indices, in C order. Settings are given by keyword, with the names and defaults of the command line and
 the Rust library (`proxel.settings("unwrap")`). Python's lock is released while anything is solved, and Ctrl-C ends
 a run.
+
+`proxel.batch` does the same to many inputs, `proxel.interop` takes and gives the objects of other packages.
 """
+
+from typing import TYPE_CHECKING, Any
 
 from ._core import Cancel, InputError, Progress, SolveError, __version__
 from ._info import Info, Trace
@@ -40,11 +44,13 @@ __all__ = [
     "Trace",
     "Unwrapper",
     "__version__",
+    "batch",
     "deblur",
     "deform",
     "denoise",
     "geodesic",
     "inpaint",
+    "interop",
     "planarize",
     "settings",
     "shape",
@@ -53,3 +59,16 @@ __all__ = [
     "wavefront",
     "wire",
 ]
+
+
+if TYPE_CHECKING:
+    from . import batch, interop
+else:
+
+    def __getattr__(name: str) -> Any:
+        # Imported when they are asked for: most programs need neither.
+        if name in ("batch", "interop"):
+            import importlib
+
+            return importlib.import_module(f"{__name__}.{name}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

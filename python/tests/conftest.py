@@ -71,6 +71,21 @@ def beam(cells: tuple[int, int, int] = (6, 2, 2), size: tuple[float, float, floa
     return V, np.concatenate(T)
 
 
+def pytest_addoption(parser):
+    parser.addoption("--full", action="store_true", help="the tests that take long too")
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "full: takes long; run with --full")
+
+
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--full"):
+        for item in items:
+            if item.get_closest_marker("full"):
+                item.add_marker(pytest.mark.skip(reason="takes long; run with --full"))
+
+
 @pytest.fixture
 def surface():
     return patch()

@@ -1,24 +1,63 @@
-"""The code of the documents runs, each document from top to bottom, in a folder of its own."""
+"""The code of the documents runs, each document from top to bottom, in a folder of its own; so do the commands
+of those that begin with commands, where the environment variable PROXEL names the program."""
 
 from __future__ import annotations
 
+import os
 import re
+import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent.parent
+PAGES = sorted(
+    str(p.relative_to(ROOT)) for p in [*ROOT.glob("docs/*.md"), *ROOT.glob("*.md"), ROOT / "python/README.md"]
+)
 
 
-@pytest.mark.parametrize("name", ["docs/python.md", "python/README.md"])
+def blocks(name, language):
+    text = (ROOT / name).read_text()
+    found = re.finditer(rf"^```{language}\n(.*?)^```$", text, re.M | re.S)
+    return [(text[: b.start()].count("\n") + 1, b[1]) for b in found]
+
+
+# README.md names meshes that the reader has; docs/python.md has the same calls with arrays.
+@pytest.mark.parametrize("name", [n for n in PAGES if n != "README.md" and blocks(n, "python")])
 def test_code_of(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = (ROOT / name).read_text()
-    blocks = list(re.finditer(r"^```python\n(.*?)^```$", text, re.M | re.S))
-    assert blocks
     scope: dict[str, object] = {}
-    for block in blocks:
-        line = text[: block.start()].count("\n") + 1
+    for line, code in blocks(name, "python"):
+        if "interop" in code:
+            pytest.importorskip("scipy")
         # Lines of a traceback are those of the document.
-        exec(compile("\n" * line + block[1], name, "exec"), scope)
-    assert (tmp_path / "uv.png").exists()
+        exec(compile("\n" * line + code, name, "exec"), scope)
+    assert "uv.png" not in (ROOT / name).read_text() or (tmp_path / "uv.png").stat().st_size > 1000
+
+
+def test_pages_with_code_are_found():
+    found = {n for n in PAGES if blocks(n, "python")}
+    assert {
+        "docs/python.md",
+        "docs/start.md",
+        "docs/compare.md",
+        "docs/troubleshooting.md",
+        "python/README.md",
+    } <= found
+
+
+@pytest.mark.full
+@pytest.mark.skipif(not os.environ.get("PROXEL"), reason="PROXEL does not name the program")
+@pytest.mark.parametrize("name", ["docs/start.md", "docs/deform.md"])
+def test_commands_of(name, tmp_path):
+    for _, text in blocks(name, "toml"):
+        (tmp_path / "hold.toml").write_text(text)
+    lines = [line for _, text in blocks(name, "sh") for line in text.splitlines() if line.startswith("proxel ")]
+    assert len(lines) >= 2
+    for line in lines:
+        words = [os.environ["PROXEL"], *shlex.split(line)[1:]]
+        run = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+        assert run.returncode == 0, line + "\n" + run.stdout + run.stderr
+        for out in re.findall(r"(?:--out|--preview|--report) (\S+)", line):
+            assert (tmp_path / out).stat().st_size > 0, out

@@ -13,14 +13,18 @@ const MATURIN: &str = "maturin>=1.9,<2";
 /// The environments, below the target folder.
 const BUILDING_IN: &str = "maturin-venv";
 const TESTING_IN: &str = "python-test-venv";
+const FULL_IN: &str = "python-full-venv";
 
 /// What the tests of the package need besides.
-const TESTING: [&str; 4] = ["numpy>=1.23", "pytest>=7", "mypy>=1.8", "scipy"];
+const TESTING: [&str; 6] = ["numpy>=1.23", "pytest>=7", "mypy>=1.8", "scipy", "trimesh>=4", "meshio>=5.3"];
+
+/// What only the full tests need besides, as it takes long to fetch and to start.
+const FULL: [&str; 5] = ["ray>=2.40", "pyarrow>=14", "pyvista>=0.43", "polyscope>=2.3", "pytetwild>=0.2"];
 
 /// The oldest Python that the package is for.
 const OLDEST: (u32, u32) = (3, 10);
 
-/// `cargo xtask dist [--wheel] --out DIR`: the wheel, and without `--wheel` the command too.
+/// `cargo xtask dist [--wheel] --out DIR`: the wheel, and without `--wheel` the package as source and the command too.
 pub fn dist(args: &[OsString]) -> Result<(), Failure> {
     let (mut wheel_only, mut out) = (false, None);
     let mut args = args.iter();
@@ -33,12 +37,10 @@ pub fn dist(args: &[OsString]) -> Result<(), Failure> {
             }
         }
     }
-    let out = out.ok_or_else(|| Failure::usage("dist needs a folder; give --out DIR"))?;
-    // Chores run in the workspace's root, their callers elsewhere.
-    let out = std::env::current_dir().map_err(|e| Failure::other(format!("the current folder: {e}")))?.join(out);
-    fs::create_dir_all(&out).map_err(|e| Failure::other(format!("{} cannot be made: {e}", out.display())))?;
+    let out = folder(out.ok_or_else(|| Failure::usage("dist needs a folder; give --out DIR"))?)?;
     let mut written = vec![wheel(&out)?];
     if !wheel_only {
+        written.push(sources(&out)?);
         written.push(command(&out)?);
     }
     for path in written {
@@ -53,16 +55,42 @@ pub fn python(args: &[OsString]) -> Result<(), Failure> {
     let folder = target_dir().join("python-tests");
     make(&folder)?;
     let wheel = wheel(&folder)?;
-    let venv = Venv::new(TESTING_IN, &TESTING)?;
+    let full = args.first().is_some_and(|first| first == "--full");
+    let venv = if full { Venv::new(FULL_IN, &[&TESTING[..], &FULL[..]].concat())? } else { testing()? };
     venv.run(["-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps"]).args([wheel]).run()?;
     // Not beside the sources, so that what is tested is what was installed.
     let tests = root().join("python").join("tests");
-    venv.run(["-m", "pytest"]).args([tests]).args(args).run()
+    let pytest = venv.run(["-m", "pytest"]).args([tests]).args(args).env("PROXEL_GALLERY", pictures());
+    // Commands of documents are tried where the program is there.
+    let program = target_dir().join("release").join(format!("proxel{}", std::env::consts::EXE_SUFFIX));
+    if program.exists() { pytest.env("PROXEL", program) } else { pytest }.run()
+}
+
+/// Where the tests of the gallery leave its pictures.
+pub fn pictures() -> PathBuf {
+    target_dir().join("gallery")
+}
+
+/// A folder that an argument names, made where it is not there. Chores run in the workspace's root, their callers
+/// elsewhere.
+pub fn folder(named: PathBuf) -> Result<PathBuf, Failure> {
+    let here = std::env::current_dir().map_err(|e| Failure::other(format!("the current folder: {e}")))?;
+    let folder = here.join(named);
+    make(&folder)?;
+    Ok(folder)
+}
+
+fn testing() -> Result<Venv, Failure> {
+    Venv::new(TESTING_IN, &TESTING)
 }
 
 /// The same within all tests: why they were skipped, where this machine has no Python for them or no way to get packages.
-pub fn python_where_possible() -> Result<Option<String>, Failure> {
-    let ready = Venv::new(BUILDING_IN, &[MATURIN]).and_then(|_| Venv::new(TESTING_IN, &TESTING));
+/// Who asks for the full tests is to have them: then nothing is skipped.
+pub fn python_where_possible(full: bool) -> Result<Option<String>, Failure> {
+    if full {
+        return python(&["--full".into()]).map(|()| None);
+    }
+    let ready = Venv::new(BUILDING_IN, &[MATURIN]).and_then(|_| testing());
     match ready {
         Ok(_) => python(&[]).map(|()| None),
         Err(failure) => Ok(Some(failure.reason().to_owned())),
@@ -70,14 +98,23 @@ pub fn python_where_possible() -> Result<Option<String>, Failure> {
 }
 
 /// The release of the command.
-fn command(out: &Path) -> Result<PathBuf, Failure> {
+pub fn command(out: &Path) -> Result<PathBuf, Failure> {
     cargo(["build", "--release", "--package", "proxel-cli"]).run()?;
     let name = format!("proxel{}", std::env::consts::EXE_SUFFIX);
     copy(&target_dir().join("release").join(&name), &out.join(&name))
 }
 
+/// The Python package as source, with all crates that it is built from.
+fn sources(out: &Path) -> Result<PathBuf, Failure> {
+    let venv = Venv::new(BUILDING_IN, &[MATURIN])?;
+    let manifest = root().join("python").join("Cargo.toml");
+    venv.run(["-m", "maturin", "sdist", "--manifest-path"]).args([&manifest, Path::new("--out"), out]).run()?;
+    let path = out.join(concat!("proxel-", env!("CARGO_PKG_VERSION"), ".tar.gz"));
+    if path.exists() { Ok(path) } else { Err(Failure::other(format!("maturin left no {}", path.display()))) }
+}
+
 /// Exactly one wheel, for every Python from the oldest on.
-fn wheel(out: &Path) -> Result<PathBuf, Failure> {
+pub fn wheel(out: &Path) -> Result<PathBuf, Failure> {
     let venv = Venv::new(BUILDING_IN, &[MATURIN])?;
     let built = target_dir().join("maturin-wheels");
     if built.exists() {
@@ -113,10 +150,11 @@ fn make(folder: &Path) -> Result<(), Failure> {
 }
 
 /// A virtual environment, kept for the next time.
-struct Venv(PathBuf);
+pub struct Venv(PathBuf);
 
 impl Venv {
-    fn new(name: &str, packages: &[&str]) -> Result<Self, Failure> {
+    /// With these packages, below the target folder.
+    pub fn new(name: &str, packages: &[&str]) -> Result<Self, Failure> {
         let venv = Venv(target_dir().join(name));
         if !venv.python().exists() {
             let python = python3()?;
@@ -139,7 +177,8 @@ impl Venv {
         below.iter().fold(self.0.clone(), |path, part| path.join(part))
     }
 
-    fn run<const N: usize>(&self, args: [&str; N]) -> Step {
+    /// Its Python with these arguments.
+    pub fn run<const N: usize>(&self, args: [&str; N]) -> Step {
         program(self.python().as_os_str(), args)
     }
 }

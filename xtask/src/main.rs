@@ -5,8 +5,11 @@
 
 mod dist;
 #[cfg(test)]
+mod licences;
+#[cfg(test)]
 mod rules;
 mod run;
+mod site;
 mod summary;
 mod test;
 
@@ -18,13 +21,17 @@ const HELP: &str = "\
 Usage: cargo xtask CHORE
 
 Chores:
-  test                    all tests, doctests and examples, those of the Python package where there is a
-                          python3 for them, and the demo into target/demo
+  test [--full]           all tests, doctests and examples, those of the Python package where there is a
+                          python3 for them, and the demo into target/demo; with --full the package with all
+                          that it works with too, a Ray cluster among it
   lint                    formatting, clippy and the documentation, warnings being errors
   demo [ARGS]             proxel demo, as released
   repro NAME --out DIR    a reproduction of a published table or figure; --help lists them
-  dist [--wheel] --out DIR  the wheel of the Python package, and without --wheel the command, as released
-  python [ARGS]           builds the wheel and runs its tests by pytest, with these arguments
+  dist [--wheel] --out DIR  the wheel of the Python package, and without --wheel its sources and the command, as
+                          released
+  python [ARGS]           builds the wheel and runs its tests by pytest, with these arguments; --full, the
+                          first of them, brings all packages that it works with
+  site --out DIR          the documents as a site, with the gallery; a link that leads nowhere fails
   help                    this text
 
 PYTHON names the Python to be used instead of python3; what else is needed comes from PyPI into the target folder.
@@ -36,12 +43,13 @@ fn main() -> ExitCode {
     let chore = args.next().unwrap_or_else(|| "help".into());
     let rest: Vec<OsString> = args.collect();
     let end = match chore.to_string_lossy().as_ref() {
-        "test" => none(&rest).and_then(|()| test::test()),
+        "test" => full(&rest).and_then(test::test),
         "lint" => none(&rest).and_then(|()| lint()),
         "demo" => run::proxel(["demo"]).args(rest).run(),
         "repro" => cargo(["run", "--release", "--package", "proxel-bench", "--bin", "repro", "--"]).args(rest).run(),
         "dist" => dist::dist(&rest),
         "python" => dist::python(&rest),
+        "site" => site::site(&rest),
         "help" | "--help" | "-h" => {
             println!("{HELP}");
             Ok(())
@@ -56,6 +64,14 @@ fn none(rest: &[OsString]) -> Result<(), Failure> {
     match rest.first() {
         None => Ok(()),
         Some(first) => Err(Failure::usage(format!("this chore takes no arguments, got `{}`", first.to_string_lossy()))),
+    }
+}
+
+/// Whether `--full` was given, and nothing else.
+fn full(rest: &[OsString]) -> Result<bool, Failure> {
+    match rest {
+        [only] if only == "--full" => Ok(true),
+        _ => none(rest).map(|()| false),
     }
 }
 

@@ -1,14 +1,14 @@
 //! `cargo xtask test`.
 
-use crate::dist;
 use crate::run::{Failure, Step, cannot_start, cargo, check, proxel, root, target_dir};
 use crate::summary::Summary;
+use crate::{dist, site};
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 /// Runs everything that can fail and says at the end what did.
-pub fn test() -> Result<(), Failure> {
+pub fn test(full: bool) -> Result<(), Failure> {
     let data = data()?;
     let with_data = |step: Step| match &data {
         Some(dir) => step.env("PROXEL_DATA", dir),
@@ -22,7 +22,13 @@ pub fn test() -> Result<(), Failure> {
         let example = |name: &String| cargo(["run", "--quiet", "--package", "proxel", "--example", name]).run();
         names.iter().try_for_each(example)
     });
-    let python_end = dist::python_where_possible();
+    let python_end = dist::python_where_possible(full);
+    // The pages, with the pictures that the tests of the package have left.
+    let pages = target_dir().join("site");
+    let site_end = match &python_end {
+        Ok(None) => site::build(&pages, Some(&dist::pictures())),
+        _ => Ok(()),
+    };
     let (tests_end, summary) = run_tests(with_data(cargo(["test", "--workspace", "--no-fail-fast"])));
 
     let word = |end: &Result<(), Failure>| if end.is_ok() { "ok" } else { "FAILED" };
@@ -33,12 +39,12 @@ pub fn test() -> Result<(), Failure> {
     println!();
     println!("demo {} ({}), examples {}, {models}", word(&demo_end), demo.display(), word(&examples_end));
     match &python_end {
-        Ok(None) => println!("the Python package: ok"),
+        Ok(None) => println!("the Python package: ok, the site {} ({})", word(&site_end), pages.display()),
         Ok(Some(reason)) => println!("the Python package: skipped: {reason}"),
         Err(_) => println!("the Python package: FAILED"),
     }
     println!("{summary}: {}", word(&tests_end));
-    demo_end.and(examples_end).and(python_end.map(|_| ())).and(tests_end)
+    demo_end.and(examples_end).and(python_end.map(|_| ())).and(site_end).and(tests_end)
 }
 
 /// The examples of the facade, which assert what they say.
