@@ -11,9 +11,10 @@ a run.
 from typing import TYPE_CHECKING, Any
 
 from ._core import Cancel, InputError, Progress, SolveError, __version__
-from ._info import Info, Trace
+from ._info import Gradients, Info, Trace
 from ._job import Job
 from ._live import Deformer, Standing, Unwrapper
+from ._problem import Problem
 from ._simulate import Frame, Frames, Simulator, simulate
 from ._solve import (
     deblur,
@@ -34,9 +35,11 @@ __all__ = [
     "Deformer",
     "Frame",
     "Frames",
+    "Gradients",
     "Info",
     "InputError",
     "Job",
+    "Problem",
     "Progress",
     "Simulator",
     "SolveError",

@@ -58,8 +58,9 @@ def points(array: ArrayLike, what: str = "V") -> NDArray[np.float64]:
 def vector(array: ArrayLike, n: int, what: str) -> NDArray[np.float64]:
     """n numbers, or one for all."""
     out = real(array, what)
-    if out.ndim == 0:
-        return np.full(n, float(out))
+    # An array in C order has a dimension at least.
+    if np.ndim(array) == 0:
+        return np.full(n, float(out[0]))
     if out.shape != (n,):
         raise InputError(f"{what}: its shape is {out.shape}; give {n} numbers, or one for all")
     return out

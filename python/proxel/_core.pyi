@@ -56,6 +56,7 @@ class Outcome:
     @property
     def arrays(self) -> dict[str, Any]: ...
     def save_preview(self, path: str | os.PathLike[str]) -> None: ...
+    def adjoint(self, slope: Points) -> dict[str, Any]: ...
 
 class Unwrapper:
     def __init__(self, points: Points, faces: FaceArrays, input: dict[str, Any], keywords: dict[str, Any]) -> None: ...
@@ -107,6 +108,13 @@ def unwrap(
 ) -> tuple[Points, NDArray[np.int32], Outcome]: ...
 def deform(
     points: Points,
+    input: dict[str, Any],
+    keywords: dict[str, Any],
+    callback: Callback | None,
+    cancel: Cancel | None,
+    traced: bool,
+) -> tuple[Points, Outcome]: ...
+def problem(
     input: dict[str, Any],
     keywords: dict[str, Any],
     callback: Callback | None,

@@ -7,11 +7,46 @@ import keyword
 import os
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from . import _arrays
 from ._core import InputError, Outcome, SolveError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
+
+
+class Gradients:
+    """The derivatives of a function L of a result in what the run was given, under the names of its arguments.
+
+    Of `deform`: `V` (n, 3) with targets and forces held, None for sheets that bend; `targets` (p, 3), a row for each
+    of `pins` (p,); `spring_targets` (s, 3); `forces` (n, 3), whether there is one or not; `young`, `poisson` (None
+    where moduli were given by `mu`), `mu` and `lambda_` of the material; `materials`, a dict of the same for each
+    region. Of `unwrap`: `V` (n, 3) and `targets` (p, 2).
+
+    `distance` is how far the result is from the minimum, to first order, in units of length.
+    """
+
+    V: NDArray[np.float64] | None
+    targets: NDArray[np.float64]
+    pins: NDArray[np.int32]
+    spring_targets: NDArray[np.float64]
+    forces: NDArray[np.float64]
+    young: float | None
+    poisson: float | None
+    mu: float
+    lambda_: float
+    materials: dict[int, dict[str, float | None]]
+    distance: float
+
+    def __init__(self, found: dict[str, Any], dim: int) -> None:
+        for name, value in found.items():
+            if isinstance(value, np.ndarray) and value.ndim == 2:
+                value = np.ascontiguousarray(value[:, :dim])
+            setattr(self, name, value)
+
+    def __repr__(self) -> str:
+        return f"<Gradients: {', '.join(vars(self))}>"
 
 
 class Trace:
@@ -91,8 +126,9 @@ class Info:
     threads: int
     trace: Trace | None
 
-    def __init__(self, outcome: Outcome, arrays: dict[str, Any] | None = None) -> None:
+    def __init__(self, outcome: Outcome, arrays: dict[str, Any] | None = None, dim: int = 3) -> None:
         self._outcome: Outcome | None = outcome
+        self._dim = dim
         self._report: dict[str, Any] = json.loads(outcome.report)
         self._arrays = {**outcome.arrays, **(arrays or {})}
         self.trace = None if outcome.trace is None else Trace(outcome.trace)
@@ -139,10 +175,35 @@ class Info:
             raise InputError("the picture stayed in the process that has solved; draw it there")
         self._outcome.save_preview(path)
 
+    def adjoint(self, dL: ArrayLike) -> Gradients:
+        """The gradients of a function L of the result of `deform` or `unwrap` in what that was given.
 
-def finish(outcome: Outcome, arrays: dict[str, Any] | None = None) -> Info:
-    """The info of a run, unless it has failed."""
-    info = Info(outcome, arrays)
+        `dL` is dL/dX (n, 3) of positions, or dL/duv (k, 2) of a map: of the shape of what came with this info. By the
+        implicit function theorem, with one factor of the true Hessian: nothing is solved anew.
+
+        A map without pins is determined up to a motion of the plane: its gradients are those of the map that is
+        always moved and turned, chart by chart, such that it lies nearest to this one. For an L that does not see
+        such motions they are its gradients.
+
+        Raises InputError where the run has not converged, and for what has no gradient: packed maps, obstacles,
+        energies of one's own, surfaces that a lattice carries, results that are no minimum. The message says what to do.
+        """
+        if self._outcome is None:
+            raise InputError("gradients need what stayed in the process that has solved; ask for them there")
+        columns = 2 if self.command == "unwrap" else self._dim
+        slope = _arrays.table(dL, columns, "dL")
+        if self.command == "deform" and columns == 2:
+            slope = np.concatenate([slope, np.zeros((len(slope), 1))], axis=1)
+        found = self._outcome.adjoint(slope)
+        if self.command == "deform":
+            found["pins"] = self._arrays["pins"]
+            return Gradients(found, columns)
+        return Gradients(found, 3)
+
+
+def finish(outcome: Outcome, arrays: dict[str, Any] | None = None, dim: int = 3) -> Info:
+    """The info of a run, unless it has failed; of positions with `dim` coordinates."""
+    info = Info(outcome, arrays, dim)
     if info.status == "failed":
         error = SolveError(info.reason)
         error.info = info

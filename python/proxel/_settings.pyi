@@ -94,6 +94,17 @@ class WireSettings(TypedDict, total=False):
     time_limit: float | None  # None
     threads: int | None  # None
 
+class ProblemSettings(TypedDict, total=False):
+    """Of problem."""
+
+    method: str  # 'auto'
+    anderson: int  # 6
+    lbfgs: Mapping[str, Any]
+    tol: float  # 1e-09
+    max_iters: int  # 5000
+    time_limit: float | None  # None
+    threads: int | None  # None
+
 class GeodesicSettings(TypedDict, total=False):
     """Of geodesic."""
 

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 def settings(command: str, **settings: Any) -> dict[str, Any]:
     """All settings of a command, with those given in the place of defaults: what `--show-settings` prints.
 
-    `command` is "unwrap", "deform", "planarize", "wire", "shape", "geodesic", "deblur", "denoise", "inpaint" or
-    "wavefront". Raises InputError for a name that no setting has, with those that there are, and for a value of the
+    `command` is "unwrap", "deform", "planarize", "wire", "shape", "problem", "geodesic", "deblur", "denoise", "inpaint"
+    or "wavefront". Raises InputError for a name that no setting has, with those that there are, and for a value of the
     wrong kind.
     """
     out: dict[str, Any] = json.loads(_core.settings(command, settings))
@@ -251,7 +251,7 @@ def deform(
     if dim == 2:
         given.setdefault("planar", True)
     X, outcome = _core.deform(points, more, given, callback, cancel, trace)
-    return np.ascontiguousarray(X[:, :dim]), finish(outcome)
+    return np.ascontiguousarray(X[:, :dim]), finish(outcome, dim=dim)
 
 
 def _mesh(V: ArrayLike, F: Any, what: tuple[str, str]) -> tuple[tuple[Any, Any], _arrays.Faces]:

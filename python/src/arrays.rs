@@ -44,17 +44,17 @@ pub fn surface(points: &PyReadonlyArray2<'_, f64>, faces: &Faces<'_>) -> PyResul
 }
 
 /// A map as coordinates (k, 2) and which of them each corner has, -1 for none: `shared` where no vertex has two, so
-/// that they are numbered as the vertices are, NaN where no face is.
-pub fn map<'py>(py: Python<'py>, mesh: &Mesh, map: &UvMap) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+/// that they are numbered as the vertices are, NaN where no face is. And whether that is so.
+pub fn map<'py>(py: Python<'py>, mesh: &Mesh, map: &UvMap) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, bool)> {
     let index = |c: u32| if c == UvMap::NONE { -1 } else { i32::try_from(c).unwrap_or(i32::MAX) };
-    let (coordinates, corners) = match per_vertex(mesh, map) {
+    let (coordinates, corners, shared) = match per_vertex(mesh, map) {
         Some(uv) => {
             let vertex = |(c, v): (&u32, &u32)| if *c == UvMap::NONE { -1 } else { index(*v) };
-            (uv, map.corners.iter().zip(mesh.faces.indices()).map(vertex).collect())
+            (uv, map.corners.iter().zip(mesh.faces.indices()).map(vertex).collect(), true)
         }
-        None => (map.coordinates.clone(), map.corners.iter().map(|c| index(*c)).collect::<Vec<i32>>()),
+        None => (map.coordinates.clone(), map.corners.iter().map(|c| index(*c)).collect::<Vec<i32>>(), false),
     };
-    Ok((table(py, coordinates)?, PyArray1::from_vec(py, corners).into_any()))
+    Ok((table(py, coordinates)?, PyArray1::from_vec(py, corners).into_any(), shared))
 }
 
 /// The coordinate of each vertex, unless one has two.

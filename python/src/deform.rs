@@ -4,6 +4,7 @@ use crate::arrays::{self, Faces, MESH, numbers, rows, table};
 use crate::drive::{Cancel, Listener, drive};
 use crate::energy::Function;
 use crate::error::{InputError, refused};
+use crate::gradients::{Kept, pinned};
 use crate::outcome::{Draw, Outcome, trace};
 use crate::settings::{self, given, to_value};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -173,14 +174,19 @@ pub fn deform<'py>(
     result.report.warnings = warnings;
     let arrays = PyDict::new(py);
     arrays.set_item("reaction", table(py, result.reaction.clone())?)?;
+    arrays.set_item("pins", pinned(py, &input))?;
     let positions = table(py, result.positions.clone())?;
-    let mut report = std::mem::take(&mut result.report);
+    let mut report = result.report.clone();
     // Colours are those of the material's energy density.
     let has_picture = own.is_none();
+    let kept = Arc::new((input, settings, result));
+    let drawn = kept.clone();
     let draw: Draw = Box::new(move || {
-        let extras = extras(&input, &settings, &result).map_err(|e| e.to_string())?;
-        Ok(draw_deformation(&input, settings.mixed, &result, &extras))
+        let (input, settings, result) = &*drawn;
+        let extras = extras(input, settings, result).map_err(|e| e.to_string())?;
+        Ok(draw_deformation(input, settings.mixed, result, &extras))
     });
     let trace = traced.then(|| trace(py, &lines)).transpose()?;
-    Ok((positions, Outcome::new(&mut report, &arrays, has_picture.then_some(draw))?.traced(trace)))
+    let outcome = Outcome::new(&mut report, &arrays, has_picture.then_some(draw))?;
+    Ok((positions, outcome.traced(trace).keeping(Kept::Body(kept))))
 }

@@ -11,8 +11,10 @@ mod drive;
 mod energy;
 mod error;
 mod geodesic;
+mod gradients;
 mod image;
 mod outcome;
+mod problem;
 mod settings;
 mod shape;
 mod simulate;
@@ -38,6 +40,8 @@ mod _core {
     use super::image::{restore, wavefront};
     #[pymodule_export]
     use super::outcome::Outcome;
+    #[pymodule_export]
+    use super::problem::problem;
     #[pymodule_export]
     use super::settings::settings;
     #[pymodule_export]

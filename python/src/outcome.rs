@@ -3,6 +3,8 @@
 use crate::arrays::column;
 use crate::drive::pooled;
 use crate::error::{InputError, SolveError, refused};
+use crate::gradients::Kept;
+use numpy::PyReadonlyArray2;
 use proxel::preview::Image;
 use proxel::report::{Report, TraceRow, peak_bytes};
 use proxel::unwrap::MapRow;
@@ -23,6 +25,7 @@ pub struct Outcome {
     #[pyo3(get)]
     arrays: Py<PyDict>,
     draw: Option<Draw>,
+    kept: Option<Kept>,
 }
 
 #[pymethods]
@@ -39,6 +42,14 @@ impl Outcome {
         let written = py.detach(|| pooled(None, || draw()?.write_png(&path).map_err(|e| e.to_string())));
         written.map_err(refused)
     }
+
+    /// The gradients of a function of the result from its own there.
+    fn adjoint<'py>(&self, py: Python<'py>, slope: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
+        match &self.kept {
+            Some(kept) => kept.gradients(py, &slope),
+            None => Err(InputError::new_err("there are gradients of the results of deform and unwrap only")),
+        }
+    }
 }
 
 impl Outcome {
@@ -47,12 +58,18 @@ impl Outcome {
         report.peak_bytes = peak_bytes();
         let arrays = arrays.clone().unbind();
         let report = serde_json::to_string(report).map_err(|e| SolveError::new_err(e.to_string()))?;
-        Ok(Outcome { report, trace: None, arrays, draw })
+        Ok(Outcome { report, trace: None, arrays, draw, kept: None })
     }
 
     /// With the rows of a trace.
     pub fn traced(mut self, trace: Option<Bound<'_, PyDict>>) -> Self {
         self.trace = trace.map(Bound::unbind);
+        self
+    }
+
+    /// With the run itself.
+    pub fn keeping(mut self, kept: Kept) -> Self {
+        self.kept = Some(kept);
         self
     }
 }

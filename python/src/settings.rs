@@ -1,6 +1,7 @@
 //! Settings by keyword: what the caller gives, in the place of the defaults of the facade.
 
 use crate::error::{InputError, refused};
+use proxel::compose::ComposeSettings;
 use proxel::settings::{
     DeformSettings, GeodesicSettings, RestoreSettings, Schedule, UnwrapSettings, WavefrontSettings,
 };
@@ -176,12 +177,13 @@ pub fn settings(command: &str, keywords: &Bound<'_, PyDict>) -> PyResult<String>
         "planarize" => text(&planarize(given)?),
         "wire" => text(&wire(given)?),
         "shape" => text(&merged(&ShapeSettings::recipe(), given)?),
+        "problem" => text(&merged(&ComposeSettings::default(), given)?),
         "geodesic" => text(&merged(&GeodesicSettings::default(), given)?),
         "deblur" | "denoise" | "inpaint" => text(&merged(&RestoreSettings::default(), given)?),
         "wavefront" => text(&merged(&WavefrontSettings::default(), given)?),
         other => Err(InputError::new_err(format!(
-            "there are no settings of `{other}`; known are unwrap, deform, planarize, wire, shape, geodesic, deblur, \
-             denoise, inpaint and wavefront"
+            "there are no settings of `{other}`; known are unwrap, deform, planarize, wire, shape, problem, geodesic, \
+             deblur, denoise, inpaint and wavefront"
         ))),
     }
 }

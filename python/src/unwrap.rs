@@ -3,6 +3,7 @@
 use crate::arrays::{self, Faces, numbers, rows};
 use crate::drive::{Cancel, Listener, drive, pooled};
 use crate::error::{InputError, refused};
+use crate::gradients::Kept;
 use crate::outcome::{Draw, Outcome, map_trace};
 use crate::settings::{given, merged};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -12,6 +13,7 @@ use proxel::settings::UnwrapSettings;
 use proxel::unwrap::{Hooks, MapPictures, UnwrapInput, unwrap as solve};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::Arc;
 
 /// Vertices and where they are held.
 pub type Pins<'py> = (PyReadonlyArray1<'py, u32>, PyReadonlyArray2<'py, f64>);
@@ -90,11 +92,14 @@ pub fn unwrap<'py>(
         Ok::<_, String>(result)
     })?;
     let mut result = result.map_err(refused)?;
-    let (uv, corners) = arrays::map(py, &input.mesh, &result.uv)?;
+    let (uv, corners, shared) = arrays::map(py, &input.mesh, &result.uv)?;
     let packed = result.report.map.as_ref().is_some_and(|m| m.density.is_some());
-    let (mesh, map) = (input.mesh, result.uv);
-    let draw: Draw = Box::new(move || Ok(MapPictures::new(&mesh, &map, packed).map()));
     let trace = traced.then(|| map_trace(py, &result.rows)).transpose()?;
-    let outcome = Outcome::new(&mut result.report, &PyDict::new(py), Some(draw))?.traced(trace);
-    Ok((uv, corners, outcome))
+    let mut report = result.report.clone();
+    result.rows = Vec::new();
+    let kept = Arc::new((input, settings, result));
+    let drawn = kept.clone();
+    let draw: Draw = Box::new(move || Ok(MapPictures::new(&drawn.0.mesh, &drawn.2.uv, packed).map()));
+    let outcome = Outcome::new(&mut report, &PyDict::new(py), Some(draw))?.traced(trace);
+    Ok((uv, corners, outcome.keeping(Kept::Map(kept, shared))))
 }

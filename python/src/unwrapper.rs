@@ -104,7 +104,7 @@ impl Unwrapper {
         let certify = || certify(&mesh.points, &mesh.faces, uv, &options).map_err(|e| e.to_string());
         let found = py.detach(|| pooled(settings.threads, certify)).map_err(refused)?;
         result.certified(&found, mesh);
-        let (uv, corners) = arrays::map(py, mesh, &result.uv)?;
+        let (uv, corners, _) = arrays::map(py, mesh, &result.uv)?;
         let (mesh, map) = (mesh.clone(), result.uv);
         let draw: Draw = Box::new(move || Ok(MapPictures::new(&mesh, &map, false).map()));
         Ok((uv, corners, Outcome::new(&mut result.report, &PyDict::new(py), Some(draw))?))
@@ -112,7 +112,8 @@ impl Unwrapper {
 
     /// The map as it is.
     fn map<'py>(&mut self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        arrays::map(py, &self.mesh, &own(&mut self.live).map().map_err(refused)?)
+        let (uv, corners, _) = arrays::map(py, &self.mesh, &own(&mut self.live).map().map_err(refused)?)?;
+        Ok((uv, corners))
     }
 }
 

@@ -147,3 +147,10 @@ def test_an_unwrapper_goes_on_from_where_it_is(surface):
     assert info.energy == pytest.approx(whole.energy, rel=1e-9)
     with pytest.raises(proxel.InputError, match="441"):
         unwrapper.update_handles([441], [[0.0, 0.0]])
+
+
+def test_one_number_may_stand_for_all(surface):
+    V, F = surface
+    uv, _ = proxel.unwrap(V, F, weights=2.0)
+    expected, _ = proxel.unwrap(V, F, weights=np.full(len(F), 2.0))
+    np.testing.assert_array_equal(uv, expected)

@@ -19,6 +19,7 @@ CLASSES = {
     "DeformSettings": ["deform"],
     "ShapeSettings": ["planarize", "shape"],
     "WireSettings": ["wire"],
+    "ProblemSettings": ["problem"],
     "GeodesicSettings": ["geodesic"],
     "RestoreSettings": ["deblur", "denoise", "inpaint"],
     "WavefrontSettings": ["wavefront"],

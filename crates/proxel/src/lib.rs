@@ -4,8 +4,9 @@
 //! splitting engine and its result back into what the user gave. [`deform`] poses bodies, [`keyframes`] move their
 //! handles, [`simulate`] lets them fall. [`geodesic`] measures surfaces, [`shape`] makes their faces planar. [`wavefront`]
 //! compares images, [`restore`] sharpens them.
-//! [`problem_file`] keeps a problem, to be solved again.
+//! [`compose`] solves what users put together, [`problem_file`] keeps a problem, to be solved again.
 
+pub mod compose;
 pub mod deform;
 pub mod geodesic;
 pub mod keyframes;

@@ -45,6 +45,7 @@ mod reweight;
 mod run;
 mod sweep;
 mod system;
+mod tangent;
 mod term;
 mod untangle;
 pub mod vector;
@@ -89,5 +90,6 @@ pub use run::{
 };
 pub use sweep::Uncoupled;
 pub use system::{NormalMatrix, Precision, SystemError};
+pub use tangent::{Tangent, TangentError};
 pub use term::{DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
 pub use untangle::{Dial, Relax, Untangle};

@@ -8,8 +8,8 @@
 //! to their mean ([`MeanCentred`]), to the first of them ([`TipDifferences`]), the difference of two
 //! ([`EdgeDifference`]), or the vertex itself ([`Vertex`]). [`Cells`] are like elements with one set each, [`Batch`] is
 //! the [`proxel_split::Term`] over them: hard, a split variable with a dual, or soft, z = the nearest point, which has
-//! none. [`fairing`] makes the quadratic that holds x near the shape of before, [`Rows`] are the hard sets to first
-//! order.
+//! none; [`Whole`] is that of sets which are asked for all elements at once. [`fairing`] makes the quadratic that holds
+//! x near the shape of before, [`Rows`] are the hard sets to first order.
 //!
 //! | set | reduction | violation |
 //! |---|---|---|
@@ -56,6 +56,7 @@ mod template;
 mod tests;
 #[cfg(test)]
 mod tests_soft;
+mod whole;
 
 pub use angle::AngleRange;
 pub use batch::{Batch, Hold};
@@ -75,6 +76,7 @@ pub use regular::{RegularPolygon, TooFewCorners};
 pub use rows::{Relation, Row, RowKey, Rows, RowsOf};
 pub use surface::{ShapeIndexError, Surface};
 pub use template::{Rigid, Similar, Template, TemplateError};
+pub use whole::{Projection, Whole};
 
 /// A point, or a row of a local vector.
 pub type V3 = [f64; 3];

@@ -16,6 +16,7 @@ mod pairs;
 mod passes;
 mod rest;
 mod second;
+mod sensitivity;
 mod shape;
 mod stretch_hessian;
 #[cfg(test)]
@@ -26,6 +27,7 @@ pub use chunks::morton;
 pub use coupling::{Coupling, Linear, Polar};
 pub use density::{Density, ProxSums};
 pub use rest::{ElementError, Rest};
+pub use sensitivity::{Sensitivity, SensitivityError, Step};
 pub use shape::{Decomposed, Shape, Simplex};
 
 use chunks::{BLOCKS, Chunks};

@@ -31,7 +31,7 @@ pub(super) const fn place_of_normal(k: usize, i: usize) -> usize {
 
 /// No quotient is larger than this many times the Hessian in the stretches: one that is stems from a kink, where two
 /// stretches cancel or an element has no extent, and its curvature is none that a step could use.
-const KINK: f64 = 1e4;
+pub(super) const KINK: f64 = 1e4;
 
 /// With F = U S V^T and dF = U h V^T, the second derivative of psi is
 ///

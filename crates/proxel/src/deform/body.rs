@@ -426,6 +426,16 @@ impl Body {
         out
     }
 
+    /// The solver's flat numbers from one vector for each of the user's vertices: the way back of [`Self::vectors`].
+    pub(super) fn flat(&self, vectors: &[[f64; 3]]) -> Vec<f64> {
+        self.order.iter().flat_map(|v| &vectors[*v as usize][..self.dim]).copied().collect()
+    }
+
+    /// The tetrahedra of the mesh as they are used.
+    pub(super) fn tets<'a>(&'a self, mesh: &'a Mesh) -> &'a [[u32; 4]] {
+        self.repaired_tets.as_deref().unwrap_or(&mesh.tets)
+    }
+
     /// The solver's positions from the user's.
     pub fn centred(&self, positions: &[[f64; 3]]) -> Vec<f64> {
         let dim = self.dim;

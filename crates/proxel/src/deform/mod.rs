@@ -3,6 +3,7 @@
 //! [`deform`] does it in one call; [`Body`] is the problem behind it, built once. Positions come and go in the user's
 //! units and vertex order; inside, the mesh is moved to the origin and vertices are sorted, free ones first.
 
+mod adjoint;
 mod body;
 pub(crate) mod check;
 pub(crate) mod constraints;
@@ -18,10 +19,12 @@ mod skin;
 mod start;
 mod watch;
 
+pub use adjoint::{Adjoint, Moduli, adjoint};
 pub use body::Body;
 pub use embedded::{Carried, Carrier};
 pub use extras::{Extras, extras};
 pub use live::{Deformer, Frame};
+pub(crate) use own::OwnTerm;
 pub use own::{ElementEnergy, Matrix, OwnEnergy};
 pub use picture::draw_deformation;
 pub use skin::Skin;

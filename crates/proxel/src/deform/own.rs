@@ -60,7 +60,7 @@ pub(super) fn check(name: &str, filled: bool, kinds: &[Cells], settings: &Deform
 
 /// A term whose energy is one's own. Its stiffness, and with it the matrix that preconditions, is that of `like`, a
 /// batch of the same elements with a material.
-pub(super) struct OwnTerm {
+pub(crate) struct OwnTerm {
     like: Box<dyn Term>,
     energy: OwnEnergy,
     elements: Vec<[u32; 4]>, // nodes

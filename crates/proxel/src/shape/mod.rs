@@ -25,6 +25,7 @@ pub use recipe::{
     ConstraintSpec, Corners, EdgeSpec, FaceSpec, Kind, LengthName, LengthSpec, Recipe, RecipeFile, RecipeSolver,
     Region, VertexSpec, recipe_schema, shape,
 };
+pub(crate) use reference::surface;
 pub use settings::{ShapeMethod, ShapeSettings};
 pub use subdivide::subdivide;
 pub use wire::{WireSettings, wire};

@@ -6,7 +6,7 @@ use proxel_model::constraint::{Surface, V3};
 ///
 /// # Errors
 /// No triangle with an area.
-pub(super) fn surface(points: &[V3], triangles: &[[u32; 3]]) -> Result<(Surface, usize), String> {
+pub(crate) fn surface(points: &[V3], triangles: &[[u32; 3]]) -> Result<(Surface, usize), String> {
     let kept: Vec<[u32; 3]> = triangles.iter().filter(|t| has_area(t.map(|v| points[v as usize]))).copied().collect();
     let dropped = triangles.len() - kept.len();
     if kept.is_empty() {

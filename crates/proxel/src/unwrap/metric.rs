@@ -33,6 +33,11 @@ impl Stretch {
     pub fn apply(&self, e: [f64; 3]) -> [f64; 3] {
         self.0.map(|row| row[0] * e[0] + row[1] * e[1] + row[2] * e[2])
     }
+
+    /// By L: derivatives in the image become those in the edge.
+    pub fn apply_transposed(&self, g: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|d| self.0[0][d] * g[0] + self.0[1][d] * g[1] + self.0[2][d] * g[2])
+    }
 }
 
 /// One positive definite tensor for each face.

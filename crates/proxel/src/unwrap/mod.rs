@@ -4,6 +4,7 @@
 //! circle to the minimum of its energy, and the charts are packed. An [`Unwrapper`] does it step by step, and goes on from
 //! where it is after its pins or seams were changed.
 
+mod adjoint;
 mod assemble;
 mod bijective;
 mod certified;
@@ -20,6 +21,7 @@ mod start;
 mod stretch;
 mod watch;
 
+pub use adjoint::{MapAdjoint, adjoint};
 pub use flat::Flat;
 pub use live::{Standing, Unwrapper};
 pub use metric::{Metric, uniform};

@@ -265,7 +265,7 @@ impl Hessian {
     }
 
     /// The product of the matrix with p, and the solution of its factor's system: what [`super::cg::Cg`] asks for.
-    pub(super) fn parts(&mut self) -> (&BlockMatrix, Option<&Factor>, &mut SolveScratch) {
+    pub(crate) fn parts(&mut self) -> (&BlockMatrix, Option<&Factor>, &mut SolveScratch) {
         (&self.matrix, self.factor.as_ref(), &mut self.scratch)
     }
 
