@@ -8,6 +8,8 @@ use std::sync::Arc;
 
 /// Columns of a spectrum that are handled together: a row's part of them is two cache lines.
 const BLOCK: usize = 8;
+/// Rows that are handled together: a column's part of them is two cache lines, a block of columns' part of them 1 KiB.
+const ROWS: usize = 8;
 /// Complex numbers between columns, so that columns of a power of two do not share cache sets.
 const PAD: usize = 4;
 
@@ -24,11 +26,13 @@ pub struct Fourier {
 }
 
 /// Room for the spectra of some fields: 16 bytes a pixel and field.
+///
+/// Between rows and columns numbers pass in tiles of `ROWS` by `BLOCK`, each of them contiguous, so that neither side
+/// reads or writes memory in pieces.
 #[derive(Default)]
 pub struct Spectra {
-    rows: Vec<Vec<Complex<f64>>>,    // a field: row by row
-    columns: Vec<Vec<Complex<f64>>>, // a block of columns: field by field, column by column
-    scratch: Vec<Vec<Complex<f64>>>, // a block of rows, and of columns
+    rows: Vec<Vec<Complex<f64>>>, // a field: a task of rows after another, in each the tiles of all blocks
+    blocks: Vec<Vec<Complex<f64>>>, // a block of columns: a field after another, in each row by row
     sums: Vec<f64>,
 }
 
@@ -90,29 +94,79 @@ impl Fourier {
         let (mut work, mut from) = (Spectra::default(), field.to_vec());
         self.rows_forward(&mut from, &[Layout { first: 0, stride: self.width }], &mut work);
         let mut out = vec![Complex::default(); self.n_columns() * self.height];
-        let mut scratch = vec![Complex::default(); self.columns.get_inplace_scratch_len()];
-        for (j, column) in out.chunks_exact_mut(self.height).enumerate() {
-            for (i, value) in column.iter_mut().enumerate() {
-                *value = work.rows[0][i * self.n_columns() + j];
+        let mut columns = self.columns_room(1);
+        let mut scratch = self.columns_scratch();
+        for (block, out) in out.chunks_mut(BLOCK * self.height).enumerate() {
+            self.to_columns(&work.rows[0], block, &mut columns);
+            let room = columns.chunks_exact_mut(self.height + PAD);
+            for (column, out) in room.zip(out.chunks_exact_mut(self.height)) {
+                let column = &mut column[..self.height];
+                self.columns.process_with_scratch(column, &mut scratch);
+                out.copy_from_slice(column);
             }
-            self.columns.process_with_scratch(column, &mut scratch);
         }
         out
     }
 
-    /// Rows of the fields to rows of their spectra. The fields are used up.
+    /// Numbers of a task of rows: columns are filled up to whole blocks.
+    fn task_len(&self) -> usize {
+        ROWS * BLOCK * self.n_columns().div_ceil(BLOCK)
+    }
+
+    fn columns_room(&self, fields: usize) -> Vec<Complex<f64>> {
+        vec![Complex::default(); fields * BLOCK * (self.height + PAD)]
+    }
+
+    fn columns_scratch(&self) -> Vec<Complex<f64>> {
+        let length = self.columns.get_inplace_scratch_len().max(self.columns_back.get_inplace_scratch_len());
+        vec![Complex::default(); length]
+    }
+
+    /// Rows of the fields to tiles of their spectra. The fields are used up.
     fn rows_forward(&self, from: &mut [f64], layouts: &[Layout], work: &mut Spectra) {
         let n = self.n_columns();
         work.rows.resize_with(layouts.len(), Vec::new);
         for (layout, rows) in layouts.iter().zip(&mut work.rows) {
-            rows.resize(n * self.height, Complex::default());
+            rows.resize(self.task_len() * self.height.div_ceil(ROWS), Complex::default());
             let from = &mut from[layout.first..];
-            let pairs = from.par_chunks_mut(layout.stride).zip(rows.par_chunks_mut(n));
-            let scratch = || vec![Complex::default(); self.rows.get_scratch_len()];
-            pairs.with_min_len(BLOCK).for_each_init(scratch, |scratch, (from, to)| {
-                // The lengths are those of the plan, which is all that can go wrong.
-                let _ = self.rows.process_with_scratch(&mut from[..self.width], to, scratch);
+            let tasks = from.par_chunks_mut(ROWS * layout.stride).zip(rows.par_chunks_exact_mut(self.task_len()));
+            let room = || (vec![Complex::default(); n], vec![Complex::default(); self.rows.get_scratch_len()]);
+            tasks.for_each_init(room, |(row, scratch), (from, tiles)| {
+                for (i, from) in from.chunks_mut(layout.stride).enumerate() {
+                    // The lengths are those of the plan, which is all that can go wrong.
+                    let _ = self.rows.process_with_scratch(&mut from[..self.width], row, scratch);
+                    for (part, tile) in row.chunks(BLOCK).zip(tiles.chunks_exact_mut(ROWS * BLOCK)) {
+                        tile[i * BLOCK..i * BLOCK + part.len()].copy_from_slice(part);
+                    }
+                }
             });
+        }
+    }
+
+    /// A block of columns out of tiles.
+    fn to_columns(&self, rows: &[Complex<f64>], block: usize, columns: &mut [Complex<f64>]) {
+        let stride = self.height + PAD;
+        for (task, tiles) in rows.chunks_exact(self.task_len()).enumerate() {
+            let (tile, first) = (&tiles[block * ROWS * BLOCK..(block + 1) * ROWS * BLOCK], task * ROWS);
+            let tall = ROWS.min(self.height - first);
+            for b in 0..BLOCK {
+                let to = &mut columns[b * stride + first..b * stride + first + tall];
+                for (i, to) in to.iter_mut().enumerate() {
+                    *to = tile[i * BLOCK + b];
+                }
+            }
+        }
+    }
+
+    /// A block of columns to rows of it.
+    fn from_columns(&self, columns: &[Complex<f64>], out: &mut [Complex<f64>]) {
+        let stride = self.height + PAD;
+        for (task, out) in out.chunks_mut(ROWS * BLOCK).enumerate() {
+            for (i, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+                for b in 0..BLOCK {
+                    out[b] = columns[b * stride + task * ROWS + i];
+                }
+            }
         }
     }
 
@@ -130,27 +184,17 @@ impl Fourier {
         let (n, h) = (self.n_columns(), self.height);
         let blocks = n.div_ceil(BLOCK);
         let stride = h + PAD;
-        work.columns.resize_with(blocks, Vec::new);
+        work.blocks.resize_with(blocks, Vec::new);
         work.sums.resize(blocks, 0.0);
-        work.scratch.resize_with(blocks, Vec::new);
-        let (rows, length) = (&work.rows, self.columns.get_inplace_scratch_len());
-        let length = length.max(self.columns_back.get_inplace_scratch_len());
-        let tasks = work.columns.par_iter_mut().zip(work.scratch.par_iter_mut()).zip(work.sums.par_iter_mut());
-        tasks.enumerate().for_each(|(block, ((columns, scratch), sum))| {
-            let first = block * BLOCK;
-            let wide = BLOCK.min(n - first);
-            columns.resize(K * BLOCK * stride, Complex::default());
-            scratch.resize(length, Complex::default());
-            for (field, rows) in rows.iter().enumerate() {
-                let to = &mut columns[field * BLOCK * stride..(field + 1) * BLOCK * stride];
-                for (i, row) in rows.chunks_exact(n).enumerate() {
-                    for (b, value) in row[first..first + wide].iter().enumerate() {
-                        to[b * stride + i] = *value;
-                    }
-                }
+        let rows = &work.rows;
+        let tasks = work.blocks.par_iter_mut().zip(work.sums.par_iter_mut());
+        let room = || (self.columns_room(K), self.columns_scratch());
+        tasks.enumerate().for_each_init(room, |(columns, scratch), (block, (out, sum))| {
+            for (columns, rows) in columns.chunks_exact_mut(BLOCK * stride).zip(rows) {
+                self.to_columns(rows, block, columns);
             }
             *sum = 0.0;
-            for b in 0..wide {
+            for b in 0..BLOCK.min(n - block * BLOCK) {
                 let mut parts = columns.chunks_exact_mut(BLOCK * stride);
                 let mut column: [&mut [Complex<f64>]; K] = std::array::from_fn(|_| match parts.next() {
                     Some(part) => &mut part[b * stride..b * stride + h],
@@ -159,37 +203,37 @@ impl Fourier {
                 for values in &mut column {
                     self.columns.process_with_scratch(values, scratch);
                 }
-                let j = first + b;
+                let j = block * BLOCK + b;
                 *sum += of(Column { j, multiplicity: self.multiplicity(j), fields: &mut column });
                 for values in &mut column {
                     self.columns_back.process_with_scratch(values, scratch);
                 }
+            }
+            out.resize(K * BLOCK * h, Complex::default());
+            for (columns, out) in columns.chunks_exact(BLOCK * stride).zip(out.chunks_exact_mut(BLOCK * h)) {
+                self.from_columns(columns, out);
             }
         });
         self.rows_back(to, layouts, work);
         work.sums.iter().sum()
     }
 
-    /// Columns of spectra to rows of fields.
+    /// Blocks of columns to rows of fields.
     fn rows_back(&self, to: &mut [f64], layouts: &[Layout], work: &mut Spectra) {
-        let (n, stride) = (self.n_columns(), self.height + PAD);
-        let columns = &work.columns;
-        for (field, (layout, rows)) in layouts.iter().zip(&mut work.rows).enumerate() {
-            let to = &mut to[layout.first..];
-            let tasks = to.par_chunks_mut(layout.stride * BLOCK).zip(rows.par_chunks_mut(n * BLOCK)).enumerate();
-            let scratch = || vec![Complex::default(); self.rows_back.get_scratch_len()];
-            tasks.for_each_init(scratch, |scratch, (task, (to, rows))| {
-                let first = task * BLOCK;
-                let tall = rows.len() / n;
-                for (block, columns) in columns.iter().enumerate() {
-                    for b in 0..BLOCK.min(n - block * BLOCK) {
-                        let at = (field * BLOCK + b) * stride + first;
-                        for (i, value) in columns[at..at + tall].iter().enumerate() {
-                            rows[i * n + block * BLOCK + b] = *value;
-                        }
+        let (n, h) = (self.n_columns(), self.height);
+        let blocks = &work.blocks;
+        for (field, layout) in layouts.iter().enumerate() {
+            // The rows of other channels stand between.
+            let to = &mut to[layout.first..][..(h - 1) * layout.stride + self.width];
+            let tasks = to.par_chunks_mut(layout.stride * ROWS).enumerate();
+            let scratch_len = self.rows_back.get_scratch_len();
+            let room = || (vec![Complex::default(); n], vec![Complex::default(); scratch_len]);
+            tasks.for_each_init(room, |(row, scratch), (task, to)| {
+                for (i, to) in to.chunks_mut(layout.stride).enumerate() {
+                    let at = (field * h + task * ROWS + i) * BLOCK;
+                    for (part, block) in row.chunks_mut(BLOCK).zip(blocks) {
+                        part.copy_from_slice(&block[at..at + part.len()]);
                     }
-                }
-                for (row, to) in rows.chunks_exact_mut(n).zip(to.chunks_mut(layout.stride)) {
                     // Real but for rounding.
                     row[0].im = 0.0;
                     if self.width.is_multiple_of(2) {
