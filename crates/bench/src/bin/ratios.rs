@@ -1,7 +1,7 @@
 //! `ratios`: speed and memory as ratios within one run, beside their thresholds, as a Markdown table.
 
 use clap::Parser;
-use proxel_bench::ratios::{child, growth, measure, table};
+use proxel_bench::ratios::{child, growth, images, measure, table};
 use std::process::ExitCode;
 
 /// Measures an iteration, its parts, decompositions and memory, taken in turns, and prints ratios beside their thresholds.
@@ -15,6 +15,9 @@ struct Arguments {
     /// Also solve the model with every tetrahedron in 8, and say how iterations and time grow (minutes)
     #[arg(long)]
     scale: bool,
+    /// Only what is measured of images (half a minute)
+    #[arg(long, conflicts_with = "scale")]
+    images: bool,
     /// Solve and print peak bytes, factor bytes and tetrahedra: what the program runs as its own child
     #[arg(long, hide = true)]
     memory_child: bool,
@@ -25,6 +28,8 @@ fn main() -> ExitCode {
     let mut tell = |what: &str| eprintln!("{what}");
     let result = if arguments.memory_child {
         child()
+    } else if arguments.images {
+        images(usize::from(arguments.repeats)).map(|rows| table(&rows))
     } else {
         measure(usize::from(arguments.repeats), &mut tell).and_then(|rows| {
             let mut text = table(&rows);

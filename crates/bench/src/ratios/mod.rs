@@ -3,6 +3,7 @@
 mod closest;
 mod decompositions;
 mod growth;
+mod images;
 mod iteration;
 mod memory;
 mod samples;
@@ -10,6 +11,7 @@ mod solves;
 mod wires;
 
 pub use growth::growth;
+pub use images::rows as images;
 pub use memory::{CHILD, Footprint, child, footprint};
 pub use samples::Samples;
 
@@ -94,6 +96,8 @@ pub fn measure(repeats: usize, tell: &mut dyn FnMut(&str)) -> Result<Vec<Row>, B
     let mut rows = decompositions::rows(repeats)?;
     tell("nearest points");
     rows.extend(closest::rows(repeats)?);
+    tell("images: an iteration and its transforms");
+    rows.extend(images(repeats)?);
     tell("wires: an iteration and its parts");
     rows.extend(wires::rows(repeats.div_ceil(2))?);
     let model = centaur_or_beam()?;

@@ -91,26 +91,52 @@ impl Fourier {
 
     /// The spectrum of a field, column by column.
     pub fn forward(&self, field: &[f64]) -> Vec<Complex<f64>> {
-        let (mut work, mut from) = (Spectra::default(), field.to_vec());
-        self.rows_forward(&mut from, &[Layout { first: 0, stride: self.width }], &mut work);
         let mut out = vec![Complex::default(); self.n_columns() * self.height];
-        let mut columns = self.columns_room(1);
-        let mut scratch = self.columns_scratch();
-        for (block, out) in out.chunks_mut(BLOCK * self.height).enumerate() {
-            self.to_columns(&work.rows[0], block, &mut columns);
-            let room = columns.chunks_exact_mut(self.height + PAD);
-            for (column, out) in room.zip(out.chunks_exact_mut(self.height)) {
-                let column = &mut column[..self.height];
-                self.columns.process_with_scratch(column, &mut scratch);
-                out.copy_from_slice(column);
-            }
-        }
+        self.forward_to(&mut field.to_vec(), &mut Spectra::default(), &mut out);
         out
+    }
+
+    /// The same into room that there is; the field is used up.
+    pub fn forward_to(&self, field: &mut [f64], work: &mut Spectra, out: &mut [Complex<f64>]) {
+        self.rows_forward(field, &[Layout { first: 0, stride: self.width }], work);
+        let rows = &work.rows[0];
+        let room = || (self.columns_room(1), self.columns_scratch());
+        let blocks = out.par_chunks_mut(BLOCK * self.height).enumerate();
+        blocks.for_each_init(room, |(columns, scratch), (block, out)| {
+            self.to_columns(rows, block, columns);
+            let room = columns.chunks_exact(self.height + PAD);
+            for (column, out) in room.zip(out.chunks_exact_mut(self.height)) {
+                out.copy_from_slice(&column[..self.height]);
+                self.columns.process_with_scratch(out, scratch);
+            }
+        });
+    }
+
+    /// A field, times its number of pixels, from its spectrum.
+    pub fn backward_to(&self, spectrum: &[Complex<f64>], work: &mut Spectra, to: &mut [f64]) {
+        let (h, stride) = (self.height, self.height + PAD);
+        work.blocks.resize_with(self.n_columns().div_ceil(BLOCK), Vec::new);
+        let room = || (self.columns_room(1), self.columns_scratch());
+        let blocks = work.blocks.par_iter_mut().zip(spectrum.par_chunks(BLOCK * h));
+        blocks.for_each_init(room, |(columns, scratch), (out, spectrum)| {
+            for (column, from) in columns.chunks_exact_mut(stride).zip(spectrum.chunks_exact(h)) {
+                column[..h].copy_from_slice(from);
+                self.columns_back.process_with_scratch(&mut column[..h], scratch);
+            }
+            out.resize(BLOCK * h, Complex::default());
+            self.from_columns(columns, out);
+        });
+        self.rows_back(to, &[Layout { first: 0, stride: self.width }], work);
     }
 
     /// Numbers of a task of rows: columns are filled up to whole blocks.
     fn task_len(&self) -> usize {
         ROWS * BLOCK * self.n_columns().div_ceil(BLOCK)
+    }
+
+    /// Numbers from the first to the last of a field, between whose rows those of other channels stand.
+    fn reach(&self, layout: &Layout) -> usize {
+        (self.height - 1) * layout.stride + self.width
     }
 
     fn columns_room(&self, fields: usize) -> Vec<Complex<f64>> {
@@ -128,15 +154,20 @@ impl Fourier {
         work.rows.resize_with(layouts.len(), Vec::new);
         for (layout, rows) in layouts.iter().zip(&mut work.rows) {
             rows.resize(self.task_len() * self.height.div_ceil(ROWS), Complex::default());
-            let from = &mut from[layout.first..];
+            let from = &mut from[layout.first..][..self.reach(layout)];
             let tasks = from.par_chunks_mut(ROWS * layout.stride).zip(rows.par_chunks_exact_mut(self.task_len()));
             let room = || (vec![Complex::default(); n], vec![Complex::default(); self.rows.get_scratch_len()]);
             tasks.for_each_init(room, |(row, scratch), (from, tiles)| {
                 for (i, from) in from.chunks_mut(layout.stride).enumerate() {
                     // The lengths are those of the plan, which is all that can go wrong.
                     let _ = self.rows.process_with_scratch(&mut from[..self.width], row, scratch);
-                    for (part, tile) in row.chunks(BLOCK).zip(tiles.chunks_exact_mut(ROWS * BLOCK)) {
-                        tile[i * BLOCK..i * BLOCK + part.len()].copy_from_slice(part);
+                    let (parts, rest) = row.as_chunks::<BLOCK>();
+                    let mut tiles = tiles.chunks_exact_mut(ROWS * BLOCK);
+                    for (part, tile) in parts.iter().zip(&mut tiles) {
+                        tile.as_chunks_mut::<BLOCK>().0[i] = *part;
+                    }
+                    if let Some(tile) = tiles.next() {
+                        tile[i * BLOCK..i * BLOCK + rest.len()].copy_from_slice(rest);
                     }
                 }
             });
@@ -223,16 +254,19 @@ impl Fourier {
         let (n, h) = (self.n_columns(), self.height);
         let blocks = &work.blocks;
         for (field, layout) in layouts.iter().enumerate() {
-            // The rows of other channels stand between.
-            let to = &mut to[layout.first..][..(h - 1) * layout.stride + self.width];
+            let to = &mut to[layout.first..][..self.reach(layout)];
             let tasks = to.par_chunks_mut(layout.stride * ROWS).enumerate();
             let scratch_len = self.rows_back.get_scratch_len();
             let room = || (vec![Complex::default(); n], vec![Complex::default(); scratch_len]);
             tasks.for_each_init(room, |(row, scratch), (task, to)| {
                 for (i, to) in to.chunks_mut(layout.stride).enumerate() {
                     let at = (field * h + task * ROWS + i) * BLOCK;
-                    for (part, block) in row.chunks_mut(BLOCK).zip(blocks) {
-                        part.copy_from_slice(&block[at..at + part.len()]);
+                    let (parts, rest) = row.as_chunks_mut::<BLOCK>();
+                    for (part, block) in parts.iter_mut().zip(blocks) {
+                        *part = block.as_chunks::<BLOCK>().0[at / BLOCK];
+                    }
+                    if let (Some(block), false) = (blocks.last(), rest.is_empty()) {
+                        rest.copy_from_slice(&block[at..at + rest.len()]);
                     }
                     // Real but for rounding.
                     row[0].im = 0.0;
