@@ -152,6 +152,20 @@ impl Pointwise for TotalVariation {
     fn force(&self) -> f64 {
         self.lambda
     }
+
+    /// The largest |q| of a group over lambda.
+    fn gauge(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        let n = pixels.len().max(1);
+        let group = self.group(q.len() / n);
+        let groups = q.chunks((group * n).max(1));
+        let largest = groups.flat_map(|q| (0..n).map(move |i| norm(q, n, i))).fold(0.0, f64::max);
+        Some(largest / self.lambda)
+    }
+
+    /// 0: g is a norm.
+    fn conjugate(&self, _: Range<usize>, _: &[f64]) -> Option<f64> {
+        Some(0.0)
+    }
 }
 
 /// |z| of a pixel.

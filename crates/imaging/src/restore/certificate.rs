@@ -1,6 +1,7 @@
 //! How far an image is from the best, proven.
 
 use super::Field;
+use super::dual_point::lower_bound;
 use proxel_split::{Method, Splitting, vector};
 
 /// A bound on how much lower the objective can be.
@@ -8,10 +9,10 @@ use proxel_split::{Method, Splitting, vector};
 pub struct Gap {
     /// The objective at x.
     pub objective: f64,
-    /// objective - (a lower bound of it over all fields with values in the range).
+    /// objective - (a lower bound of it over all fields, or over those with values in the range).
     pub gap: f64,
-    /// The range.
-    pub range: [f64; 2],
+    /// The range; none where the bound holds over all fields.
+    pub range: Option<[f64; 2]>,
 }
 
 impl Gap {
@@ -37,6 +38,9 @@ impl Gap {
 /// frequencies.
 ///
 /// Where there are slopes they are bounded in the same way, by a range of their own.
+///
+/// That bound counts every residual against the whole range. Where data and gradient are all that there is, [`lower_bound`] moves
+/// the forces to where they balance, which needs no range, and the smaller gap of the two is the result.
 ///
 /// None where the method splits nothing, or a term is a hard set.
 pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
@@ -71,7 +75,11 @@ pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
     if let Some(first) = field.first_slope() {
         gap += worst(&x[first..], &residual[first..], widened(&x[first..], [f64::INFINITY, f64::NEG_INFINITY]));
     }
-    Some(Gap { objective, gap, range })
+    let within = Gap { objective, gap, range: Some(range) };
+    residual[..n].iter_mut().for_each(|r| *r = -*r);
+    let bound = lower_bound(problem, x, u, &residual[..n], field);
+    let over_all = bound.map(|bound| Gap { objective, gap: objective - bound, range: None });
+    Some(over_all.filter(|all| all.gap <= within.gap).unwrap_or(within))
 }
 
 /// The range of some numbers and of another range, made wider by its width on each side.

@@ -389,6 +389,18 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         Some(values.collect::<Vec<f64>>().iter().sum())
     }
 
+    fn gauge(&self, forces: &[f64]) -> Option<f64> {
+        let rows = forces.par_chunks(self.local_row()).enumerate();
+        let gauges: Option<Vec<f64>> = rows.map(|(row, q)| self.of.gauge(self.pixels(row), q)).collect();
+        Some(gauges?.into_iter().fold(0.0, f64::max))
+    }
+
+    fn conjugate(&self, forces: &[f64]) -> Option<f64> {
+        let rows = forces.par_chunks(self.local_row()).enumerate();
+        let values: Option<Vec<f64>> = rows.map(|(row, q)| self.of.conjugate(self.pixels(row), q)).collect();
+        Some(values?.iter().sum())
+    }
+
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
         let mut gap = vec![0.0; p.len()];
         self.couple(x, &mut gap);
