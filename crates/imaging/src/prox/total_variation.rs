@@ -157,9 +157,14 @@ impl Pointwise for TotalVariation {
     fn gauge(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
         let n = pixels.len().max(1);
         let group = self.group(q.len() / n);
-        let groups = q.chunks((group * n).max(1));
-        let largest = groups.flat_map(|q| (0..n).map(move |i| norm(q, n, i))).fold(0.0, f64::max);
-        Some(largest / self.lambda)
+        let largest = |q: &[f64]| -> f64 {
+            if q.len() == 2 * n {
+                let (a, b) = q.split_at(n);
+                return a.iter().zip(b).fold(0.0, |most: f64, (a, b)| most.max(a * a + b * b)).sqrt();
+            }
+            (0..n).map(|i| norm(q, n, i)).fold(0.0, f64::max)
+        };
+        Some(q.chunks((group * n).max(1)).map(largest).fold(0.0, f64::max) / self.lambda)
     }
 
     /// 0: g is a norm.
