@@ -49,7 +49,7 @@ fn models() -> Vec<(&'static str, Model)> {
     all
 }
 
-/// The objective after so many iterations, as low as it came, and the gaps on the way: (iteration, objective, gap, over all images).
+/// The objective as low as it came in so many iterations, and gaps on the way: (iteration, objective, gap, over all images).
 fn run(model: &Model, iterations: usize) -> (f64, Vec<(usize, f64, f64, bool)>) {
     let built = model.build(None).expect("a problem");
     let field = built.field.clone();

@@ -1,4 +1,4 @@
-//! An iteration of images against its transforms, Anderson against passes over its history, and two threads against one.
+//! An iteration of images against its transforms, Anderson against passes over its history, two threads against one.
 
 use super::{Row, Samples, Threshold};
 use crate::BenchError;

@@ -40,8 +40,8 @@ impl Gap {
 ///
 /// Where there are slopes they are bounded in the same way, by a range of their own.
 ///
-/// That bound counts every residual against the whole range. Where data and gradient are all that there is, [`lower_bound`] moves
-/// the forces to where they balance, which needs no range, and the smaller gap of the two is the result.
+/// That bound counts every residual against the whole range. Where data and gradient are all that there is, [`lower_bound`]
+/// moves the forces to where they balance, which needs no range, and the smaller gap of the two is the result.
 ///
 /// None where the method splits nothing, or a term is a hard set.
 pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
@@ -52,21 +52,9 @@ pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
         return None;
     }
     let mut residual = vec![0.0; x.len()]; // -D_t^T w^2 (D_t x - z_t), node by node
-    if field.held.is_some() && !field.slopes {
-        // The bound within a range would take as many passes again, and is the larger one once there is something to bound.
-        for (term, (p, u)) in problem.terms.iter_mut().zip(p.iter().zip(u)) {
-            let z: Vec<f64> = p.par_iter().zip(u).map(|(p, u)| p + u).collect();
-            term.penalty(x, &z, &mut residual);
-        }
-        residual.par_iter_mut().for_each(|r| *r = -*r);
-        if let Some(bound) = lower_bound(problem, x, u, &residual, field) {
-            return Some(Gap { objective, gap: objective - bound, range: None });
-        }
-        residual.fill(0.0);
-    }
     let mut gap = 0.0;
     for (term, (p, u)) in problem.terms.iter_mut().zip(p.iter().zip(u)) {
-        let z: Vec<f64> = p.iter().zip(u).map(|(p, u)| p + u).collect();
+        let z: Vec<f64> = p.par_iter().zip(u).map(|(p, u)| p + u).collect();
         let mut weights = vec![0.0; z.len()];
         let mut off = vec![0.0; z.len()]; // D x - z
         term.local_weights2(&mut weights);
@@ -89,7 +77,7 @@ pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
         gap += worst(&x[first..], &residual[first..], widened(&x[first..], [f64::INFINITY, f64::NEG_INFINITY]));
     }
     let within = Gap { objective, gap, range: Some(range) };
-    residual[..n].iter_mut().for_each(|r| *r = -*r);
+    residual[..n].par_iter_mut().for_each(|r| *r = -*r);
     let bound = lower_bound(problem, x, u, &residual[..n], field);
     let over_all = bound.map(|bound| Gap { objective, gap: objective - bound, range: None });
     Some(over_all.filter(|all| all.gap <= within.gap).unwrap_or(within))

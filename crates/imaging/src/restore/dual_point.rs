@@ -14,12 +14,12 @@ const FLOOR: f64 = 1e-6;
 ///
 /// G the data term, q and q_y the forces on grad x and on y = K x. Those of the splitting leave D^T q + K^T q_y = r, which
 /// vanishes as it converges. First q_y takes over what of r the blur lets through, at pixels that were measured, and the mean:
-/// r - K^T e. What is left is D^T w with the least w = D psi, (D^T D) psi = r - K^T e. Then q - w, q_y - e balance exactly, and are
-/// divided by the largest |q - w| where that is over 1, which keeps the balance. That costs a transform of three fields there
-/// and back, and one more where the data are held, and is as near to the optimum as r is to 0: squares of what q_y has taken over, and the
+/// r - K^T e. What is left is D^T w with the least w = D psi, (D^T D) psi = r - K^T e. Then q - w, q_y - e balance exactly, and
+/// are divided by the largest |q - w| where that is over 1, which keeps the balance. That costs transforms of three fields there
+/// and back, of one more where the data are held. The bound is off the optimum by squares of what q_y has taken over, and by the
 /// largest of w.
 ///
-/// `u` are the duals of the terms, `r` is over the nodes of x. None where a term does not know its conjugate, or slopes are
+/// `x` are the nodes, `u` the duals of the terms, `r` is over the nodes of x. None where a term does not know its conjugate, or slopes are
 /// unknowns too.
 pub(super) fn lower_bound(problem: &mut Problem, x: &[f64], u: &[Vec<f64>], r: &[f64], field: &Field) -> Option<f64> {
     let (grid, n) = (field.grid, field.grid.len());

@@ -42,8 +42,8 @@ impl Forecast {
             // It does not fall, or nothing is known yet.
             _ => 0.0,
         };
-        // Never beyond twice the iterations: what falls slowly may fall faster soon.
-        let most = iteration.max(EVERY);
+        // Never far beyond the iterations so far: what falls slowly may fall faster soon.
+        let most = (iteration / 2).max(EVERY);
         iteration + if far >= most as f64 { most } else { (far.max(0.0) as usize).clamp(EVERY, most) }
     }
 }
