@@ -40,7 +40,7 @@ impl Gap {
 ///
 /// Where there are slopes they are bounded in the same way, by a range of their own.
 ///
-/// That bound counts every residual against the whole range. Where data and gradient are all that there is, [`lower_bound`]
+/// That bound counts every residual against the whole range. Where data and gradient are all that there is, another one
 /// moves the forces to where they balance, which needs no range, and the smaller gap of the two is the result.
 ///
 /// None where the method splits nothing, or a term is a hard set.

@@ -19,8 +19,8 @@ const FLOOR: f64 = 1e-6;
 /// and back, of one more where the data are held. The bound is off the optimum by squares of what q_y has taken over, and by the
 /// largest of w.
 ///
-/// `x` are the nodes, `u` the duals of the terms, `r` is over the nodes of x. None where a term does not know its conjugate, or slopes are
-/// unknowns too.
+/// `x` are the nodes, `u` the duals of the terms, `r` is over the nodes of x. None where a term does not know its conjugate, or
+/// slopes are unknowns too.
 pub(super) fn lower_bound(problem: &mut Problem, x: &[f64], u: &[Vec<f64>], r: &[f64], field: &Field) -> Option<f64> {
     let (grid, n) = (field.grid, field.grid.len());
     if field.slopes {
