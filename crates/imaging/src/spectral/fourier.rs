@@ -124,7 +124,7 @@ impl Fourier {
                 self.columns_back.process_with_scratch(&mut column[..h], scratch);
             }
             out.resize(BLOCK * h, Complex::default());
-            self.from_columns(columns, out);
+            self.to_rows(columns, out);
         });
         self.rows_back(to, &[Layout { first: 0, stride: self.width }], work);
     }
@@ -190,7 +190,7 @@ impl Fourier {
     }
 
     /// A block of columns to rows of it.
-    fn from_columns(&self, columns: &[Complex<f64>], out: &mut [Complex<f64>]) {
+    fn to_rows(&self, columns: &[Complex<f64>], out: &mut [Complex<f64>]) {
         let stride = self.height + PAD;
         for (task, out) in out.chunks_mut(ROWS * BLOCK).enumerate() {
             for (i, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
@@ -242,7 +242,7 @@ impl Fourier {
             }
             out.resize(K * BLOCK * h, Complex::default());
             for (columns, out) in columns.chunks_exact(BLOCK * stride).zip(out.chunks_exact_mut(BLOCK * h)) {
-                self.from_columns(columns, out);
+                self.to_rows(columns, out);
             }
         });
         self.rows_back(to, layouts, work);
