@@ -18,4 +18,7 @@ pub use spectral::{
     Blur, BlurredSquares, Column, Cosine, CosineSpectra, CosineStep, Fourier, FourierStep, Layout, Psf,
     SecondOrderStep, Spectra, Symbol, convolve,
 };
+/// A number of a spectrum.
+pub type Complex = realfft::num_complex::Complex<f64>;
+
 pub use term::{Bends, GradientTerm, PixelTerm, Slopes, Stencil, StencilTerm, Visit};

@@ -276,6 +276,19 @@ pub trait Term: Send + Sync {
         None
     }
 
+    /// The least m >= 0 such that forces q over m lie where the conjugate of g is finite, where a term can tell: the largest |q|
+    /// over lambda of lambda |z|, 0 where any force may act.
+    fn gauge(&self, forces: &[f64]) -> Option<f64> {
+        let _ = forces;
+        None
+    }
+
+    /// sum g*(q) = sup over z of sum <q, z> - g(z), for forces of gauge at most 1, where a term can tell.
+    fn conjugate(&self, forces: &[f64]) -> Option<f64> {
+        let _ = forces;
+        None
+    }
+
     /// Bounds over the set where g is at most `level`, under the present weights; none where there are none.
     fn level_bound(&self, level: f64) -> Option<LevelBound> {
         let _ = level;

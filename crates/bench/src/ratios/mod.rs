@@ -4,6 +4,7 @@ mod closest;
 mod decompositions;
 mod fields;
 mod growth;
+mod images;
 mod iteration;
 mod memory;
 mod samples;
@@ -94,9 +95,10 @@ type Rows<'a> = (&'a str, &'a dyn Fn(&mut dyn FnMut(&str)) -> Result<Vec<Row>, B
 /// # Errors
 /// Data that cannot be read, a child process that fails, a name that there is not.
 pub fn measure(repeats: usize, only: Option<&str>, tell: &mut dyn FnMut(&str)) -> Result<Vec<Row>, BenchError> {
-    let all: [Rows<'_>; 7] = [
+    let all: [Rows<'_>; 8] = [
         ("decompositions", &|_| decompositions::rows(repeats)),
         ("closest", &|_| closest::rows(repeats)),
+        ("images", &|_| images::rows(repeats)),
         ("wires", &|_| wires::rows(repeats.div_ceil(2))),
         ("fields", &|_| fields::rows(repeats)),
         ("iteration", &|_| iteration::rows(&centaur_or_beam()?, repeats)),

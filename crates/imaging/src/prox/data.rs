@@ -67,6 +67,18 @@ impl Pointwise for Squares {
     fn force(&self) -> f64 {
         2.0 * self.most
     }
+
+    /// 0, or infinite where a force acts on what was not measured.
+    fn gauge(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        let acts = q.iter().zip(self.lambda.of(&pixels)).any(|(q, l)| *l == 0.0 && *q != 0.0);
+        Some(if acts { f64::INFINITY } else { 0.0 })
+    }
+
+    /// sum q f + q^2 / (4 lambda)
+    fn conjugate(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        let numbers = q.iter().zip(self.observed.of(&pixels)).zip(self.lambda.of(&pixels));
+        Some(numbers.filter(|(_, l)| **l > 0.0).map(|((q, f), l)| q * f + q * q / (4.0 * l)).sum())
+    }
 }
 
 /// The set [low, high] of every number.

@@ -65,4 +65,16 @@ impl Pointwise for Huber {
     fn force(&self) -> f64 {
         2.0 * self.most * self.delta
     }
+
+    /// The largest |q| over 2 lambda delta; infinite where a force acts on what was not measured.
+    fn gauge(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        let over = |(q, l): (&f64, &f64)| if *q == 0.0 { 0.0 } else { q.abs() / (2.0 * l * self.delta) };
+        Some(q.iter().zip(self.lambda.of(&pixels)).map(over).fold(0.0, f64::max))
+    }
+
+    /// That of squares: beyond, g* is infinite.
+    fn conjugate(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        let numbers = q.iter().zip(self.observed.of(&pixels)).zip(self.lambda.of(&pixels));
+        Some(numbers.filter(|(_, l)| **l > 0.0).map(|((q, f), l)| q * f + q * q / (4.0 * l)).sum())
+    }
 }

@@ -47,6 +47,18 @@ pub trait Pointwise: Send + Sync {
 
     /// A typical size of the gradient of g at a pixel.
     fn force(&self) -> f64;
+
+    /// The least m >= 0 such that q over m lies where the conjugate g* is finite; none where that is not known.
+    fn gauge(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        let _ = (pixels, q);
+        None
+    }
+
+    /// g*(q) = sup over z of <q, z> - g(z), for q of gauge at most 1; none where that is not known.
+    fn conjugate(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        let _ = (pixels, q);
+        None
+    }
 }
 
 impl<P: Pointwise + ?Sized> Pointwise for Box<P> {
@@ -76,5 +88,13 @@ impl<P: Pointwise + ?Sized> Pointwise for Box<P> {
 
     fn force(&self) -> f64 {
         (**self).force()
+    }
+
+    fn gauge(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        (**self).gauge(pixels, q)
+    }
+
+    fn conjugate(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        (**self).conjugate(pixels, q)
     }
 }

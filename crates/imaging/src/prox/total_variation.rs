@@ -1,6 +1,7 @@
 //! Total variation.
 
 use super::Pointwise;
+use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
 use std::ops::Range;
 
 /// Which differences of a pixel count together.
@@ -57,37 +58,61 @@ fn shrinkage(r: f64, t: f64) -> f64 {
 
 /// Shrinks one group of planes; returns the sum of norms after.
 fn shrink(v: &mut [f64], n: usize, t: f64) -> f64 {
-    // Four sums, so that a sum does not wait for the one before.
-    let mut sums = [0.0; 4];
     if v.len() == 2 * n {
         let (a, b) = v.split_at_mut(n);
-        let (a4, a1) = a.as_chunks_mut::<4>();
-        let (b4, b1) = b.as_chunks_mut::<4>();
-        for (a, b) in a4.iter_mut().zip(b4) {
-            for k in 0..4 {
-                let r = (a[k] * a[k] + b[k] * b[k]).sqrt();
-                let s = shrinkage(r, t);
-                a[k] *= s;
-                b[k] *= s;
-                sums[k] += s * r;
-            }
-        }
-        for (a, b) in a1.iter_mut().zip(b1) {
-            let r = (*a * *a + *b * *b).sqrt();
-            let s = shrinkage(r, t);
-            *a *= s;
-            *b *= s;
-            sums[0] += s * r;
-        }
-    } else {
-        for i in 0..n {
-            let r = norm(v, n, i);
-            let s = shrinkage(r, t);
-            v.iter_mut().skip(i).step_by(n).for_each(|z| *z *= s);
-            sums[i % 4] += s * r;
-        }
+        return dispatch(ShrinkPairs { a, b, t });
+    }
+    // Four sums, so that a sum does not wait for the one before.
+    let mut sums = [0.0; 4];
+    for i in 0..n {
+        let r = norm(v, n, i);
+        let s = shrinkage(r, t);
+        v.iter_mut().skip(i).step_by(n).for_each(|z| *z *= s);
+        sums[i % 4] += s * r;
     }
     (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// Two planes, eight pixels at a time.
+struct ShrinkPairs<'a> {
+    a: &'a mut [f64],
+    b: &'a mut [f64],
+    t: f64,
+}
+
+/// What the reciprocal root is specified for. Squares outside are those of gradients that are 0, or that nothing shrinks.
+const SQUARES: [f64; 2] = [1e-290, 1e290];
+
+impl Kernel for ShrinkPairs<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> f64 {
+        let (a, a_rest) = self.a.as_chunks_mut::<LANES>();
+        let (b, b_rest) = self.b.as_chunks_mut::<LANES>();
+        let (least, most) = (F8::<I>::splat(SQUARES[0]), F8::<I>::splat(SQUARES[1]));
+        let (one, zero, t) = (F8::<I>::one(), F8::<I>::zero(), F8::<I>::splat(self.t));
+        let mut sum = zero;
+        for i in 0..a.len().min(b.len()) {
+            let (x, y) = (F8::<I>::load(&a[i]), F8::<I>::load(&b[i]));
+            let square = x.mul_add(x, y * y);
+            // 1/r in the place of a root and a division, which would take as long as all else.
+            let inverse = square.max(least).min(most).rsqrt();
+            let s = (one - t * inverse).max(zero);
+            (x * s).store(&mut a[i]);
+            (y * s).store(&mut b[i]);
+            sum = s.mul_add(square * inverse, sum);
+        }
+        let mut sum = sum.sum();
+        for i in 0..a_rest.len() {
+            let r = (a_rest[i] * a_rest[i] + b_rest[i] * b_rest[i]).sqrt();
+            let s = shrinkage(r, self.t);
+            a_rest[i] *= s;
+            b_rest[i] *= s;
+            sum += s * r;
+        }
+        sum
+    }
 }
 
 impl Pointwise for TotalVariation {
@@ -126,6 +151,25 @@ impl Pointwise for TotalVariation {
 
     fn force(&self) -> f64 {
         self.lambda
+    }
+
+    /// The largest |q| of a group over lambda.
+    fn gauge(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
+        let n = pixels.len().max(1);
+        let group = self.group(q.len() / n);
+        let largest = |q: &[f64]| -> f64 {
+            if q.len() == 2 * n {
+                let (a, b) = q.split_at(n);
+                return a.iter().zip(b).fold(0.0, |most: f64, (a, b)| most.max(a * a + b * b)).sqrt();
+            }
+            (0..n).map(|i| norm(q, n, i)).fold(0.0, f64::max)
+        };
+        Some(q.chunks((group * n).max(1)).map(largest).fold(0.0, f64::max) / self.lambda)
+    }
+
+    /// 0: g is a norm.
+    fn conjugate(&self, _: Range<usize>, _: &[f64]) -> Option<f64> {
+        Some(0.0)
     }
 }
 

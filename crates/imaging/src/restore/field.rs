@@ -1,7 +1,8 @@
 //! The field that is solved for, and what is seen of it.
 
 use super::Edges;
-use crate::{Blur, Boundary, Grid, ImageError, Psf};
+use crate::{Blur, BlurredSquares, Boundary, Grid, ImageError, Psf};
+use std::sync::Arc;
 
 /// The field that is solved for, and where the image lies in it.
 #[derive(Clone)]
@@ -22,6 +23,10 @@ pub struct Field {
     pub carries: bool,
     /// Whether a field of slopes stands behind these: two numbers a pixel and channel.
     pub slopes: bool,
+    /// The data term, where the global step holds it.
+    pub held: Option<BlurredSquares>,
+    /// Which nodes of the blurred field were measured, where the data term is one of the problem's.
+    pub measured: Arc<Vec<bool>>,
 }
 
 /// The least n' >= n of the form 2^a 3^b 5^c, a > 0: transforms of such lengths are fast.
@@ -64,6 +69,8 @@ impl Field {
             values: [f64::INFINITY, f64::NEG_INFINITY],
             carries: false,
             slopes: false,
+            held: None,
+            measured: Arc::default(),
         })
     }
 

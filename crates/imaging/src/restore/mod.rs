@@ -9,6 +9,7 @@
 //! of it.
 
 mod certificate;
+mod dual_point;
 mod field;
 mod model;
 mod noise;

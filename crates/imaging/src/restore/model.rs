@@ -187,11 +187,13 @@ impl Model {
         if held {
             let squares = BlurredSquares::new(grid, field.blur.clone(), observed, self.lambda);
             quadratic.potentials.push(Arc::new(squares.clone()));
+            field.held = Some(squares.clone());
             data = Some(squares);
         } else {
             let mask =
                 self.mask.as_deref().map_or_else(|| Cow::Owned(vec![1.0; self.width * self.height]), Cow::Borrowed);
             let mut lambda = field.embed(&vec![&*mask; self.channels.len()], 0.0);
+            field.measured = Arc::new(lambda.iter().map(|l| *l > 0.0).collect());
             lambda.iter_mut().for_each(|l| *l *= self.lambda);
             let first = if field.carries { n } else { 0 };
             terms.push(Box::new(PixelTerm::new(grid, first, self.compared(grid, observed, lambda), data_penalty)));
@@ -239,14 +241,15 @@ impl Model {
     /// The penalties of the gradient term and of the data term, where they are not given: with rho_0 = [`Model::natural`],
     ///
     /// ```text
-    /// no blur, every pixel measured    2 rho_0
-    /// no blur, gaps                    rho_0,                             max(rho_0 / 2, sqrt(rho_0 lambda) / 10)
-    /// a blur                           rho_0 min(1, .54 sqrt(rho_0 / lambda)),   sqrt(rho_0 lambda) / 10
+    /// no blur, every pixel measured    4 rho_0
+    /// no blur, gaps                    rho_0,      max(rho_0 / 2, sqrt(rho_0 lambda) / 10)
+    /// a blur, held                     rho_0
+    /// a blur, split                    rho_0 / 2,  sqrt(rho_0 lambda) / 10
     /// ```
     ///
     /// Found by counting iterations to a gap of 1e-4 over lambda from 20 to 10^4. A penalty of the data term holds back what
     /// was not measured too, gaps and what lies beyond the border: it may not grow with lambda as the data term's own
-    /// curvature does. Frequencies that a blur has all but taken away move by total variation alone, against rho.
+    /// curvature does.
     pub fn penalties(&self) -> (f64, f64) {
         let natural = self.natural;
         let mean = || {
@@ -261,8 +264,9 @@ impl Model {
         let data = 0.1 * (natural * lambda).sqrt();
         let blurs = self.psf.weights.len() > 1 || self.scale > 1;
         let (gradient, data) = match () {
-            () if blurs => (natural * (0.54 * (natural / lambda).sqrt()).min(1.0), data),
-            () if self.holds() => (2.0 * natural, data),
+            () if blurs && self.holds() => (natural, data),
+            () if blurs => (0.5 * natural, data),
+            () if self.holds() => (4.0 * natural, data),
             () => (natural, data.max(0.5 * natural)),
         };
         (self.penalty.unwrap_or(gradient), self.data_penalty.unwrap_or(data))

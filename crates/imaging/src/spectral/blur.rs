@@ -5,6 +5,7 @@ use super::fourier::{Fourier, Spectra};
 use super::kernel::Psf;
 use crate::{Boundary, Grid, ImageError};
 use realfft::num_complex::Complex;
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Convolution with a point spread function over fields of one size.
@@ -53,6 +54,72 @@ impl Blur {
             Blur::Periodic { .. } => Boundary::Periodic,
             Blur::Neumann { .. } => Boundary::Neumann,
         }
+    }
+
+    /// The field e whose K^T e comes near r where the blur lets frequencies through: e = H r / (|H|^2 + floor) in frequencies.
+    pub fn explain(&self, grid: Grid, r: &[f64], floor: f64) -> Vec<f64> {
+        let mut e = vec![0.0; grid.len()];
+        match self {
+            Blur::Periodic { fourier, kernel } => {
+                let of = |k: &Complex<f64>| k / (k.norm_sqr() + floor);
+                let kernel: Vec<Complex<f64>> = kernel.iter().map(of).collect();
+                convolve(grid, fourier, &kernel, false, r, &mut e);
+            }
+            Blur::Neumann { cosine, kernel } => {
+                let mut work = CosineSpectra::default();
+                for channel in 0..grid.channels {
+                    let layout = super::channel(grid, 0, channel);
+                    cosine.filter(r, &mut e, &[layout], &mut work, |i, j, [r]: [f64; 1]| {
+                        let h = kernel[i * grid.width + j];
+                        [r * h / (h * h + floor)]
+                    });
+                }
+            }
+        }
+        e
+    }
+
+    /// The field of mean 0 whose D^T D psi is r - K^T e but for the mean, D the differences of the border.
+    pub fn potential(&self, grid: Grid, r: &[f64], e: &[f64]) -> Vec<f64> {
+        let n = grid.len();
+        let mut from = r.to_vec();
+        from.extend_from_slice(e);
+        let mut to = vec![0.0; 2 * n];
+        match self {
+            Blur::Periodic { fourier, kernel } => {
+                let (h, w, scale) = (fourier.height(), fourier.width(), 1.0 / grid.n_pixels() as f64);
+                let mut work = Spectra::default();
+                // 2 - 2 cos t = 4 sin^2(t/2), which does not cancel.
+                let part = |k: usize, n: usize| 4.0 * (PI * k as f64 / n as f64).sin().powi(2);
+                let down: Vec<f64> = (0..h).map(|i| part(i, h)).collect();
+                for channel in 0..grid.channels {
+                    let layouts = [super::channel(grid, 0, channel), super::channel(grid, n, channel)];
+                    fourier.filter(&mut from, &mut to, &layouts, &mut work, |column| {
+                        let (j, [r, e]) = (column.j, column.fields);
+                        let kernel = &kernel[j * h..(j + 1) * h];
+                        for (((r, e), k), s) in r.iter_mut().zip(e.iter()).zip(kernel).zip(&down) {
+                            let s = s + part(j, w);
+                            let factor = if s > 0.0 { scale / s } else { 0.0 };
+                            *r = (*r - k.conj() * *e) * factor;
+                        }
+                        0.0
+                    });
+                }
+            }
+            Blur::Neumann { cosine, kernel } => {
+                let mut work = CosineSpectra::default();
+                for channel in 0..grid.channels {
+                    let layouts = [super::channel(grid, 0, channel), super::channel(grid, n, channel)];
+                    cosine.filter(&from, &mut to, &layouts, &mut work, |i, j, [r, e]: [f64; 2]| {
+                        let s = cosine.laplacian(i, j);
+                        let factor = if s > 0.0 { 1.0 / s } else { 0.0 };
+                        [(r - kernel[i * grid.width + j] * e) * factor, 0.0]
+                    });
+                }
+            }
+        }
+        to.truncate(n);
+        to
     }
 
     /// out <- K x, or K^T x, over a grid of that size.

@@ -8,6 +8,8 @@ use std::sync::Arc;
 
 /// Columns of a spectrum that are handled together: a row's part of them is two cache lines.
 const BLOCK: usize = 8;
+/// Rows that are handled together: a column's part of them is two cache lines, a block of columns' part of them 1 KiB.
+const ROWS: usize = 8;
 /// Complex numbers between columns, so that columns of a power of two do not share cache sets.
 const PAD: usize = 4;
 
@@ -24,11 +26,13 @@ pub struct Fourier {
 }
 
 /// Room for the spectra of some fields: 16 bytes a pixel and field.
+///
+/// Between rows and columns numbers pass in tiles of `ROWS` by `BLOCK`, each of them contiguous, so that neither side
+/// reads or writes memory in pieces.
 #[derive(Default)]
 pub struct Spectra {
-    rows: Vec<Vec<Complex<f64>>>,    // a field: row by row
-    columns: Vec<Vec<Complex<f64>>>, // a block of columns: field by field, column by column
-    scratch: Vec<Vec<Complex<f64>>>, // a block of rows, and of columns
+    rows: Vec<Vec<Complex<f64>>>, // a field: a task of rows after another, in each the tiles of all blocks
+    blocks: Vec<Vec<Complex<f64>>>, // a block of columns: a field after another, in each row by row
     sums: Vec<f64>,
 }
 
@@ -87,32 +91,113 @@ impl Fourier {
 
     /// The spectrum of a field, column by column.
     pub fn forward(&self, field: &[f64]) -> Vec<Complex<f64>> {
-        let (mut work, mut from) = (Spectra::default(), field.to_vec());
-        self.rows_forward(&mut from, &[Layout { first: 0, stride: self.width }], &mut work);
         let mut out = vec![Complex::default(); self.n_columns() * self.height];
-        let mut scratch = vec![Complex::default(); self.columns.get_inplace_scratch_len()];
-        for (j, column) in out.chunks_exact_mut(self.height).enumerate() {
-            for (i, value) in column.iter_mut().enumerate() {
-                *value = work.rows[0][i * self.n_columns() + j];
-            }
-            self.columns.process_with_scratch(column, &mut scratch);
-        }
+        self.forward_to(&mut field.to_vec(), &mut Spectra::default(), &mut out);
         out
     }
 
-    /// Rows of the fields to rows of their spectra. The fields are used up.
+    /// The same into room that there is; the field is used up.
+    pub fn forward_to(&self, field: &mut [f64], work: &mut Spectra, out: &mut [Complex<f64>]) {
+        self.rows_forward(field, &[Layout { first: 0, stride: self.width }], work);
+        let rows = &work.rows[0];
+        let room = || (self.columns_room(1), self.columns_scratch());
+        let blocks = out.par_chunks_mut(BLOCK * self.height).enumerate();
+        blocks.for_each_init(room, |(columns, scratch), (block, out)| {
+            self.to_columns(rows, block, columns);
+            let room = columns.chunks_exact(self.height + PAD);
+            for (column, out) in room.zip(out.chunks_exact_mut(self.height)) {
+                out.copy_from_slice(&column[..self.height]);
+                self.columns.process_with_scratch(out, scratch);
+            }
+        });
+    }
+
+    /// A field, times its number of pixels, from its spectrum.
+    pub fn backward_to(&self, spectrum: &[Complex<f64>], work: &mut Spectra, to: &mut [f64]) {
+        let (h, stride) = (self.height, self.height + PAD);
+        work.blocks.resize_with(self.n_columns().div_ceil(BLOCK), Vec::new);
+        let room = || (self.columns_room(1), self.columns_scratch());
+        let blocks = work.blocks.par_iter_mut().zip(spectrum.par_chunks(BLOCK * h));
+        blocks.for_each_init(room, |(columns, scratch), (out, spectrum)| {
+            for (column, from) in columns.chunks_exact_mut(stride).zip(spectrum.chunks_exact(h)) {
+                column[..h].copy_from_slice(from);
+                self.columns_back.process_with_scratch(&mut column[..h], scratch);
+            }
+            out.resize(BLOCK * h, Complex::default());
+            self.to_rows(columns, out);
+        });
+        self.rows_back(to, &[Layout { first: 0, stride: self.width }], work);
+    }
+
+    /// Numbers of a task of rows: columns are filled up to whole blocks.
+    fn task_len(&self) -> usize {
+        ROWS * BLOCK * self.n_columns().div_ceil(BLOCK)
+    }
+
+    /// Numbers from the first to the last of a field, between whose rows those of other channels stand.
+    fn reach(&self, layout: &Layout) -> usize {
+        (self.height - 1) * layout.stride + self.width
+    }
+
+    fn columns_room(&self, fields: usize) -> Vec<Complex<f64>> {
+        vec![Complex::default(); fields * BLOCK * (self.height + PAD)]
+    }
+
+    fn columns_scratch(&self) -> Vec<Complex<f64>> {
+        let length = self.columns.get_inplace_scratch_len().max(self.columns_back.get_inplace_scratch_len());
+        vec![Complex::default(); length]
+    }
+
+    /// Rows of the fields to tiles of their spectra. The fields are used up.
     fn rows_forward(&self, from: &mut [f64], layouts: &[Layout], work: &mut Spectra) {
         let n = self.n_columns();
         work.rows.resize_with(layouts.len(), Vec::new);
         for (layout, rows) in layouts.iter().zip(&mut work.rows) {
-            rows.resize(n * self.height, Complex::default());
-            let from = &mut from[layout.first..];
-            let pairs = from.par_chunks_mut(layout.stride).zip(rows.par_chunks_mut(n));
-            let scratch = || vec![Complex::default(); self.rows.get_scratch_len()];
-            pairs.with_min_len(BLOCK).for_each_init(scratch, |scratch, (from, to)| {
-                // The lengths are those of the plan, which is all that can go wrong.
-                let _ = self.rows.process_with_scratch(&mut from[..self.width], to, scratch);
+            rows.resize(self.task_len() * self.height.div_ceil(ROWS), Complex::default());
+            let from = &mut from[layout.first..][..self.reach(layout)];
+            let tasks = from.par_chunks_mut(ROWS * layout.stride).zip(rows.par_chunks_exact_mut(self.task_len()));
+            let room = || (vec![Complex::default(); n], vec![Complex::default(); self.rows.get_scratch_len()]);
+            tasks.for_each_init(room, |(row, scratch), (from, tiles)| {
+                for (i, from) in from.chunks_mut(layout.stride).enumerate() {
+                    // The lengths are those of the plan, which is all that can go wrong.
+                    let _ = self.rows.process_with_scratch(&mut from[..self.width], row, scratch);
+                    let (parts, rest) = row.as_chunks::<BLOCK>();
+                    let mut tiles = tiles.chunks_exact_mut(ROWS * BLOCK);
+                    for (part, tile) in parts.iter().zip(&mut tiles) {
+                        tile.as_chunks_mut::<BLOCK>().0[i] = *part;
+                    }
+                    if let Some(tile) = tiles.next() {
+                        tile[i * BLOCK..i * BLOCK + rest.len()].copy_from_slice(rest);
+                    }
+                }
             });
+        }
+    }
+
+    /// A block of columns out of tiles.
+    fn to_columns(&self, rows: &[Complex<f64>], block: usize, columns: &mut [Complex<f64>]) {
+        let stride = self.height + PAD;
+        for (task, tiles) in rows.chunks_exact(self.task_len()).enumerate() {
+            let (tile, first) = (&tiles[block * ROWS * BLOCK..(block + 1) * ROWS * BLOCK], task * ROWS);
+            let tall = ROWS.min(self.height - first);
+            for b in 0..BLOCK {
+                let to = &mut columns[b * stride + first..b * stride + first + tall];
+                for (i, to) in to.iter_mut().enumerate() {
+                    *to = tile[i * BLOCK + b];
+                }
+            }
+        }
+    }
+
+    /// A block of columns to rows of it.
+    fn to_rows(&self, columns: &[Complex<f64>], out: &mut [Complex<f64>]) {
+        let stride = self.height + PAD;
+        for (task, out) in out.chunks_mut(ROWS * BLOCK).enumerate() {
+            for (i, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+                for b in 0..BLOCK {
+                    out[b] = columns[b * stride + task * ROWS + i];
+                }
+            }
         }
     }
 
@@ -130,27 +215,17 @@ impl Fourier {
         let (n, h) = (self.n_columns(), self.height);
         let blocks = n.div_ceil(BLOCK);
         let stride = h + PAD;
-        work.columns.resize_with(blocks, Vec::new);
+        work.blocks.resize_with(blocks, Vec::new);
         work.sums.resize(blocks, 0.0);
-        work.scratch.resize_with(blocks, Vec::new);
-        let (rows, length) = (&work.rows, self.columns.get_inplace_scratch_len());
-        let length = length.max(self.columns_back.get_inplace_scratch_len());
-        let tasks = work.columns.par_iter_mut().zip(work.scratch.par_iter_mut()).zip(work.sums.par_iter_mut());
-        tasks.enumerate().for_each(|(block, ((columns, scratch), sum))| {
-            let first = block * BLOCK;
-            let wide = BLOCK.min(n - first);
-            columns.resize(K * BLOCK * stride, Complex::default());
-            scratch.resize(length, Complex::default());
-            for (field, rows) in rows.iter().enumerate() {
-                let to = &mut columns[field * BLOCK * stride..(field + 1) * BLOCK * stride];
-                for (i, row) in rows.chunks_exact(n).enumerate() {
-                    for (b, value) in row[first..first + wide].iter().enumerate() {
-                        to[b * stride + i] = *value;
-                    }
-                }
+        let rows = &work.rows;
+        let tasks = work.blocks.par_iter_mut().zip(work.sums.par_iter_mut());
+        let room = || (self.columns_room(K), self.columns_scratch());
+        tasks.enumerate().for_each_init(room, |(columns, scratch), (block, (out, sum))| {
+            for (columns, rows) in columns.chunks_exact_mut(BLOCK * stride).zip(rows) {
+                self.to_columns(rows, block, columns);
             }
             *sum = 0.0;
-            for b in 0..wide {
+            for b in 0..BLOCK.min(n - block * BLOCK) {
                 let mut parts = columns.chunks_exact_mut(BLOCK * stride);
                 let mut column: [&mut [Complex<f64>]; K] = std::array::from_fn(|_| match parts.next() {
                     Some(part) => &mut part[b * stride..b * stride + h],
@@ -159,37 +234,40 @@ impl Fourier {
                 for values in &mut column {
                     self.columns.process_with_scratch(values, scratch);
                 }
-                let j = first + b;
+                let j = block * BLOCK + b;
                 *sum += of(Column { j, multiplicity: self.multiplicity(j), fields: &mut column });
                 for values in &mut column {
                     self.columns_back.process_with_scratch(values, scratch);
                 }
+            }
+            out.resize(K * BLOCK * h, Complex::default());
+            for (columns, out) in columns.chunks_exact(BLOCK * stride).zip(out.chunks_exact_mut(BLOCK * h)) {
+                self.to_rows(columns, out);
             }
         });
         self.rows_back(to, layouts, work);
         work.sums.iter().sum()
     }
 
-    /// Columns of spectra to rows of fields.
+    /// Blocks of columns to rows of fields.
     fn rows_back(&self, to: &mut [f64], layouts: &[Layout], work: &mut Spectra) {
-        let (n, stride) = (self.n_columns(), self.height + PAD);
-        let columns = &work.columns;
-        for (field, (layout, rows)) in layouts.iter().zip(&mut work.rows).enumerate() {
-            let to = &mut to[layout.first..];
-            let tasks = to.par_chunks_mut(layout.stride * BLOCK).zip(rows.par_chunks_mut(n * BLOCK)).enumerate();
-            let scratch = || vec![Complex::default(); self.rows_back.get_scratch_len()];
-            tasks.for_each_init(scratch, |scratch, (task, (to, rows))| {
-                let first = task * BLOCK;
-                let tall = rows.len() / n;
-                for (block, columns) in columns.iter().enumerate() {
-                    for b in 0..BLOCK.min(n - block * BLOCK) {
-                        let at = (field * BLOCK + b) * stride + first;
-                        for (i, value) in columns[at..at + tall].iter().enumerate() {
-                            rows[i * n + block * BLOCK + b] = *value;
-                        }
+        let (n, h) = (self.n_columns(), self.height);
+        let blocks = &work.blocks;
+        for (field, layout) in layouts.iter().enumerate() {
+            let to = &mut to[layout.first..][..self.reach(layout)];
+            let tasks = to.par_chunks_mut(layout.stride * ROWS).enumerate();
+            let scratch_len = self.rows_back.get_scratch_len();
+            let room = || (vec![Complex::default(); n], vec![Complex::default(); scratch_len]);
+            tasks.for_each_init(room, |(row, scratch), (task, to)| {
+                for (i, to) in to.chunks_mut(layout.stride).enumerate() {
+                    let at = (field * h + task * ROWS + i) * BLOCK;
+                    let (parts, rest) = row.as_chunks_mut::<BLOCK>();
+                    for (part, block) in parts.iter_mut().zip(blocks) {
+                        *part = block.as_chunks::<BLOCK>().0[at / BLOCK];
                     }
-                }
-                for (row, to) in rows.chunks_exact_mut(n).zip(to.chunks_mut(layout.stride)) {
+                    if let (Some(block), false) = (blocks.last(), rest.is_empty()) {
+                        rest.copy_from_slice(&block[at..at + rest.len()]);
+                    }
                     // Real but for rounding.
                     row[0].im = 0.0;
                     if self.width.is_multiple_of(2) {

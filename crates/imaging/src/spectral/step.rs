@@ -4,6 +4,7 @@ use super::blur::Blur;
 use super::fourier::{Fourier, Spectra};
 use super::kernel::BlurredSquares;
 use crate::Grid;
+use proxel_linalg::simd::{Isa, Kernel, dispatch};
 use proxel_split::{GlobalReport, GlobalStep, NormalMatrix, Objective, Precision, Problem, Pull, SystemError, vector};
 use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
@@ -42,6 +43,7 @@ pub struct FourierStep {
     symbols: Vec<Symbol>,          // of each term of the problem
     weights: Vec<f64>,             // w^2 of each term
     inverse: Vec<f64>,             // 1 / denominator
+    laplacian: [Vec<f64>; 2],      // 2 - 2 cos of each row, and of each column
     work: Spectra,
     square: f64, // lambda |f|^2
 }
@@ -86,6 +88,7 @@ impl FourierStep {
             weights: vec![0.0; symbols.len()],
             symbols,
             inverse: Vec::new(),
+            laplacian: Default::default(),
             work: Spectra::default(),
             square: 0.0,
         }
@@ -97,8 +100,56 @@ impl FourierStep {
         2.0 * lambda * gain + of_terms(&self.symbols, &self.weights, s, gain)
     }
 
+    /// (a, b) of sum w^2 symbol = a (4 - 2 cos - 2 cos) + b, where no field is carried.
+    fn penalties(&self) -> [f64; 2] {
+        let of = |wanted: Symbol| {
+            let weights = self.symbols.iter().zip(&self.weights).filter(|(symbol, _)| **symbol == wanted);
+            weights.map(|(_, w2)| w2).sum()
+        };
+        [of(Symbol::Laplacian), of(Symbol::Identity)]
+    }
+
     fn gain(&self, k: usize) -> f64 {
         self.kernel.get(k).map_or(1.0, |h| h.norm_sqr())
+    }
+}
+
+/// A column of X = (R - P) / denominator in the place of P, the denominator being 2 lambda |H|^2 + a; returns its part of
+/// lambda |K x - f|^2 without lambda |f|^2,
+///
+/// ```text
+/// lambda |H|^2 |X|^2 - Re conj(X) R = -(Re conj(X) (R + P) + a |X|^2) / 2
+/// ```
+///
+/// which takes no |H|^2, an array less to be read.
+struct Held<'a> {
+    field: &'a mut [Complex<f64>],
+    right: &'a [Complex<f64>], // R = 2 lambda conj(H) F
+    inverse: &'a [f64],        // 1 / denominator
+    down: &'a [f64],           // 2 - 2 cos of the row
+    slope: f64,                // a = slope down + shift
+    shift: f64,
+    scale: f64,
+}
+
+impl Kernel for Held<'_> {
+    type Output = f64;
+
+    // Loops by index, which are compiled for the instruction set; four sums, so that one does not wait for the one before.
+    #[inline(always)]
+    fn run<I: Isa>(self) -> f64 {
+        let n = self.field.len();
+        let (field, right) = (&mut self.field[..n], &self.right[..n]);
+        let (inverse, down) = (&self.inverse[..n], &self.down[..n]);
+        let mut sums = [0.0; 4];
+        for i in 0..n {
+            let (r, p, d) = (right[i], field[i], inverse[i]);
+            let (re, im) = ((r.re - p.re) * d, (r.im - p.im) * d);
+            let a = self.slope * down[i] + self.shift;
+            sums[i % 4] += (re * (r.re + p.re) + im * (r.im + p.im)) + a * (re * re + im * im);
+            field[i] = Complex { re: re * self.scale, im: im * self.scale };
+        }
+        -0.5 * ((sums[0] + sums[1]) + (sums[2] + sums[3]))
     }
 }
 
@@ -135,7 +186,7 @@ impl GlobalStep for FourierStep {
     ) -> Result<GlobalReport, SystemError> {
         let (grid, h) = (self.grid, self.fourier.height());
         let (inverse, kernel, scale) = (&self.inverse, &self.kernel, 1.0 / grid.n_pixels() as f64);
-        let lambda = self.data.as_ref().map_or(0.0, |data| data.lambda());
+        let (down, along, penalties) = (&self.laplacian[0], &self.laplacian[1], self.penalties());
         let mut f = self.square;
         for channel in 0..grid.channels {
             let layout = super::channel(grid, 0, channel);
@@ -161,15 +212,10 @@ impl GlobalStep for FourierStep {
                     field.iter_mut().zip(inverse).for_each(|(x, d)| *x *= -d * scale);
                     return 0.0;
                 };
-                let (right, kernel) = (&right[at(column.j)], &kernel[at(column.j)]);
-                // lambda |Kx - f|^2 without lambda |f|^2: lambda |H|^2 |X|^2 - Re conj(X) (2 lambda conj(H) F).
-                let mut value = 0.0;
-                for (((x, d), r), k) in field.iter_mut().zip(inverse).zip(right).zip(kernel) {
-                    let new = (r - *x) * *d;
-                    value += lambda * k.norm_sqr() * new.norm_sqr() - (new.re * r.re + new.im * r.im);
-                    *x = new * scale;
-                }
-                value * column.multiplicity * scale
+                let right = &right[at(column.j)];
+                let (slope, shift) = (penalties[0], penalties[0] * along[column.j] + penalties[1]);
+                let sum = dispatch(Held { field, right, inverse, down, slope, shift, scale });
+                sum * column.multiplicity * scale
             });
         }
         let quadratic = self.data.is_some().then_some(f);
@@ -203,11 +249,13 @@ impl GlobalStep for FourierStep {
         let (h, w) = (self.fourier.height(), self.fourier.width());
         // 2 - 2 cos t = 4 sin^2(t/2), which does not cancel.
         let part = |k: usize, n: usize| 4.0 * (0.5 * TAU * k as f64 / n as f64).sin().powi(2);
+        self.laplacian =
+            [(h, h), (self.fourier.n_columns(), w)].map(|(count, n)| (0..count).map(|k| part(k, n)).collect());
         let mut inverse = std::mem::take(&mut self.inverse);
         inverse.clear();
         for j in 0..self.fourier.n_columns() {
             for i in 0..h {
-                let denominator = self.denominator(part(i, h) + part(j, w), self.gain(j * h + i));
+                let denominator = self.denominator(self.laplacian[0][i] + self.laplacian[1][j], self.gain(j * h + i));
                 if !(denominator > 0.0 && denominator.is_finite()) {
                     return Err(SystemError::Singular { node: i * w + j });
                 }

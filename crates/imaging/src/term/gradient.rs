@@ -3,6 +3,7 @@
 use super::pass::{Sums, begin};
 use super::weight::Weight;
 use crate::{Boundary, Grid, Pointwise};
+use proxel_linalg::simd::{Isa, Kernel, dispatch};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{
     Cycle, DualMap, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term, vector,
@@ -80,23 +81,17 @@ impl<P: Pointwise> GradientTerm<P> {
             let (along, down) = (&here[2 * c * w..(2 * c + 1) * w], &here[(2 * c + 1) * w..(2 * c + 2) * w]);
             let out = &mut out[c * w..(c + 1) * w];
             let Some(end) = w.checked_sub(1) else { continue };
-            for (out, pair) in out[1..].iter_mut().zip(along.windows(2)) {
-                *out += scale * (pair[0] - pair[1]);
-            }
-            if periodic {
-                out[0] += scale * (along[end] - along[0]);
+            // Below the last row of a field that mirrors there is no difference.
+            let down = (periodic || !last).then_some(down);
+            let above = above.map(|above| &above[(2 * c + 1) * w..(2 * c + 2) * w]);
+            let first = if periodic {
+                along[end] - along[0]
             } else {
                 // At the end of the row there is no difference, so that what stands in p there means nothing.
-                out[0] -= scale * if end > 0 { along[0] } else { 0.0 };
                 out[end] += scale * if end > 0 { along[end] } else { 0.0 };
-            }
-            if periodic || !last {
-                out.iter_mut().zip(down).for_each(|(out, d)| *out -= scale * d);
-            }
-            if let Some(above) = above {
-                let down = &above[(2 * c + 1) * w..(2 * c + 2) * w];
-                out.iter_mut().zip(down).for_each(|(out, d)| *out += scale * d);
-            }
+                if end > 0 { -along[0] } else { 0.0 }
+            };
+            dispatch(Gather { scale, first, along, down, above, out });
         }
     }
 
@@ -220,6 +215,76 @@ impl<P: Pointwise> GradientTerm<P> {
     }
 }
 
+/// out += scale D^T p in a row of one channel, from the differences along it, those to the row below and those of the row
+/// above to it; `first` is that of the first pixel along the row.
+struct Gather<'a> {
+    scale: f64,
+    first: f64,
+    along: &'a [f64],
+    down: Option<&'a [f64]>,
+    above: Option<&'a [f64]>,
+    out: &'a mut [f64],
+}
+
+impl Kernel for Gather<'_> {
+    type Output = ();
+
+    // Loops by index, which are compiled for the instruction set.
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let (n, scale) = (self.out.len(), self.scale);
+        if n == 0 {
+            return;
+        }
+        let out = &mut self.out[..n];
+        let (before, along) = (&self.along[..n - 1], &self.along[1..n]);
+        out[0] += scale * self.first;
+        if let (Some(down), Some(above)) = (self.down, self.above) {
+            let (down, above) = (&down[..n], &above[..n]);
+            out[0] += scale * (above[0] - down[0]);
+            for i in 0..n - 1 {
+                out[i + 1] += scale * ((before[i] - along[i]) + (above[i + 1] - down[i + 1]));
+            }
+            return;
+        }
+        for i in 0..n - 1 {
+            out[i + 1] += scale * (before[i] - along[i]);
+        }
+        if let Some(down) = self.down {
+            let down = &down[..n];
+            for i in 0..n {
+                out[i] -= scale * down[i];
+            }
+        }
+        if let Some(above) = self.above {
+            let above = &above[..n];
+            for i in 0..n {
+                out[i] += scale * above[i];
+            }
+        }
+    }
+}
+
+/// out <- b - a
+struct Subtract<'a> {
+    out: &'a mut [f64],
+    b: &'a [f64],
+    a: &'a [f64],
+}
+
+impl Kernel for Subtract<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let n = self.out.len().min(self.a.len()).min(self.b.len());
+        let (out, b, a) = (&mut self.out[..n], &self.b[..n], &self.a[..n]);
+        for i in 0..n {
+            out[i] = b[i] - a[i];
+        }
+    }
+}
+
 /// Row `row` of a vector of rows.
 fn rows(p: &[f64], local: usize, row: usize) -> &[f64] {
     &p[row * local..(row + 1) * local]
@@ -237,16 +302,14 @@ fn differences(grid: Grid, boundary: Boundary, field: &[f64], row: usize, out: &
     for c in 0..grid.channels {
         let of = &here[c * w..(c + 1) * w];
         let (along, down) = out[2 * c * w..(2 * c + 2) * w].split_at_mut(w);
-        for (out, pair) in along.iter_mut().zip(of.windows(2)) {
-            *out = pair[1] - pair[0];
-        }
+        dispatch(Subtract { out: along, b: of.get(1..).unwrap_or_default(), a: of });
         if let (Some(out), [first, ..], [.., last]) = (along.last_mut(), of, of) {
             *out = if boundary == Boundary::Periodic { first - last } else { 0.0 };
         }
         match below {
             Some(below) => {
                 let below = &below[c * w..(c + 1) * w];
-                down.iter_mut().zip(below.iter().zip(of)).for_each(|(out, (b, a))| *out = b - a);
+                dispatch(Subtract { out: down, b: below, a: of });
             }
             None => down.fill(0.0),
         }
@@ -324,6 +387,18 @@ impl<P: Pointwise> Term for GradientTerm<P> {
     fn local_value(&self, z: &[f64]) -> Option<f64> {
         let values = z.par_chunks(self.local_row()).enumerate().map(|(row, z)| self.of.value(self.pixels(row), z));
         Some(values.collect::<Vec<f64>>().iter().sum())
+    }
+
+    fn gauge(&self, forces: &[f64]) -> Option<f64> {
+        let rows = forces.par_chunks(self.local_row()).enumerate();
+        let gauges: Option<Vec<f64>> = rows.map(|(row, q)| self.of.gauge(self.pixels(row), q)).collect();
+        Some(gauges?.into_iter().fold(0.0, f64::max))
+    }
+
+    fn conjugate(&self, forces: &[f64]) -> Option<f64> {
+        let rows = forces.par_chunks(self.local_row()).enumerate();
+        let values: Option<Vec<f64>> = rows.map(|(row, q)| self.of.conjugate(self.pixels(row), q)).collect();
+        Some(values?.iter().sum())
     }
 
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {

@@ -148,6 +148,18 @@ impl<P: Pointwise> Term for PixelTerm<P> {
         Some(self.sum_rows(z, |pixels, z| self.of.value(pixels, z)))
     }
 
+    fn gauge(&self, forces: &[f64]) -> Option<f64> {
+        let rows = forces.par_chunks(self.grid.row_len()).enumerate();
+        let gauges: Option<Vec<f64>> = rows.map(|(row, q)| self.of.gauge(self.pixels(row), q)).collect();
+        Some(gauges?.into_iter().fold(0.0, f64::max))
+    }
+
+    fn conjugate(&self, forces: &[f64]) -> Option<f64> {
+        let rows = forces.par_chunks(self.grid.row_len()).enumerate();
+        let values: Option<Vec<f64>> = rows.map(|(row, q)| self.of.conjugate(self.pixels(row), q)).collect();
+        Some(values?.iter().sum())
+    }
+
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
         let gap: Vec<f64> = x[self.nodes()].iter().zip(p).map(|(x, p)| x - p).collect();
         vector::add_scaled(&mut grad[self.nodes()], self.weight.squared, &gap);

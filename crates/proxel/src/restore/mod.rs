@@ -259,7 +259,7 @@ fn solve(
         field: [field.grid.width, field.grid.height],
         duality_gap: end.map(|gap| gap.gap),
         relative_gap: end.map(|gap| gap.relative()),
-        gap_range: end.map(|gap| gap.range),
+        gap_range: end.and_then(|gap| gap.range),
         psnr: input.truth.and_then(|truth| finite(psnr(&image.channels, &truth.channels))),
         psnr_input: input
             .truth

@@ -12,6 +12,7 @@ pub(super) struct GapTolerance<'a> {
     tol: f64,
     field: &'a Field,
     next: usize,
+    forecast: Forecast,
     rounding: f64, // a gap of this size is one
 }
 
@@ -19,12 +20,37 @@ pub(super) struct GapTolerance<'a> {
 /// value is 0.
 const ROUNDING: f64 = 1e-11;
 
-/// The gap is looked at every so many iterations: it costs about as much as one.
+/// The gap is looked at after so many iterations, and then no more often: it costs as much as some of them.
 const EVERY: usize = 5;
+
+/// When to look again: at a part of the way to where the gap would be small enough, if it went on falling as a power of the
+/// number of iterations.
+#[derive(Clone, Copy, Debug)]
+struct Forecast {
+    last: Option<(usize, f64)>, // iteration, gap
+}
+
+impl Forecast {
+    /// The next iteration to look at, from the gap of this one and what it should be.
+    fn next(&mut self, iteration: usize, gap: f64, wanted: f64) -> usize {
+        /// Of the way: near the end it is found in steps of [`EVERY`].
+        const PART: f64 = 0.7;
+        let before = self.last.replace((iteration, gap));
+        let order = before.map(|(k, g)| (g / gap).ln() / (iteration as f64 / k.max(1) as f64).ln());
+        let far = match order {
+            Some(order) if order > 0.0 => PART * iteration as f64 * ((gap / wanted).powf(1.0 / order) - 1.0),
+            // It does not fall, or nothing is known yet.
+            _ => 0.0,
+        };
+        // Never far beyond the iterations so far: what falls slowly may fall faster soon.
+        let most = (iteration / 2).max(EVERY);
+        iteration + if far >= most as f64 { most } else { (far.max(0.0) as usize).clamp(EVERY, most) }
+    }
+}
 
 impl<'a> GapTolerance<'a> {
     pub(super) fn new(tol: f64, field: &'a Field) -> Self {
-        GapTolerance { tol, field, next: EVERY, rounding: 0.0 }
+        GapTolerance { tol, field, next: EVERY, forecast: Forecast { last: None }, rounding: 0.0 }
     }
 }
 
@@ -36,19 +62,21 @@ impl Stop for GapTolerance<'_> {
         if report.iteration < self.next {
             return None;
         }
-        self.next = report.iteration + EVERY;
-        let gap = duality_gap(method, self.field)?;
-        let [low, high] = gap.range;
+        let Some(gap) = duality_gap(method, self.field) else {
+            self.next = report.iteration + EVERY;
+            return None;
+        };
+        self.next = self.forecast.next(report.iteration, gap.relative(), self.tol);
+        let images = match gap.range {
+            Some([low, high]) => format!("images with values from {low:.3} to {high:.3}"),
+            None => "over all images".to_string(),
+        };
         let reason = if gap.relative() <= self.tol {
-            format!(
-                "the duality gap is {:.2e} of the objective, at most {:e} (images with values from {low:.3} to {high:.3})",
-                gap.relative(),
-                self.tol
-            )
+            format!("the duality gap is {:.2e} of the objective, at most {:e} ({images})", gap.relative(), self.tol)
         } else if gap.gap <= self.rounding {
             format!(
                 "the duality gap is {:.2e}, which is rounding: at most {ROUNDING:e} of the objective of an image of zeros \
-                 (images with values from {low:.3} to {high:.3})",
+                 ({images})",
                 gap.gap
             )
         } else {
@@ -127,5 +155,34 @@ impl Observer for Watcher<'_, '_> {
             trace(&RestoreRow { row, duality_gap: gap, psnr });
         }
         self.watching += now.elapsed();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gaps c k^-s are found small enough after few looks, and little later than they are.
+    #[test]
+    fn a_power_law_is_followed() {
+        for (c, s) in [(1.0, 1.0), (30.0, 2.0), (1e4, 3.5), (0.5, 0.5)] {
+            let gap = |k: usize| c * (k as f64).powf(-s);
+            let wanted = gap(1000);
+            let (mut forecast, mut k, mut looks) = (Forecast { last: None }, EVERY, 1);
+            while gap(k) > wanted {
+                k = forecast.next(k, gap(k), wanted);
+                looks += 1;
+            }
+            assert!((1000..=1010).contains(&k) && looks < 25, "{c} k^-{s}: {k} after {looks}");
+        }
+    }
+
+    #[test]
+    fn what_does_not_fall_is_looked_at_in_small_steps() {
+        let mut forecast = Forecast { last: None };
+        assert_eq!(forecast.next(10, 1.0, 0.1), 10 + EVERY);
+        assert_eq!(forecast.next(15, 1.5, 0.1), 15 + EVERY);
+        assert_eq!(forecast.next(20, f64::NAN, 0.1), 20 + EVERY);
+        assert_eq!(forecast.next(25, 1.0, 0.1), 25 + EVERY);
     }
 }

@@ -1,0 +1,89 @@
+//! A point at which the dual of a restoration is finite, near the forces of the splitting.
+
+use super::Field;
+use proxel_split::{Problem, vector};
+
+/// Squared gains of the blur below which a frequency counts as one that it takes away.
+const FLOOR: f64 = 1e-6;
+
+/// A lower bound of the objective over all images: the dual objective
+///
+/// ```text
+/// -G*(q_y) over forces |q| <= 1, q_y with D^T q + K^T q_y = 0
+/// ```
+///
+/// G the data term, q and q_y the forces on grad x and on y = K x. Those of the splitting leave D^T q + K^T q_y = r, which
+/// vanishes as it converges. First q_y takes over what of r the blur lets through, at pixels that were measured, and the mean:
+/// r - K^T e. What is left is D^T w with the least w = D psi, (D^T D) psi = r - K^T e. Then q - w, q_y - e balance exactly, and
+/// are divided by the largest |q - w| where that is over 1, which keeps the balance. That costs transforms of three fields there
+/// and back, of one more where the data are held. The bound is off the optimum by squares of what q_y has taken over, and by the
+/// largest of w.
+///
+/// `x` are the nodes, `u` the duals of the terms, `r` is over the nodes of x. None where a term does not know its conjugate, or
+/// slopes are unknowns too.
+pub(super) fn lower_bound(problem: &mut Problem, x: &[f64], u: &[Vec<f64>], r: &[f64], field: &Field) -> Option<f64> {
+    let (grid, n) = (field.grid, field.grid.len());
+    if field.slopes {
+        return None;
+    }
+    let forces = |problem: &Problem, t: usize| -> Option<Vec<f64>> {
+        let (term, u) = (problem.terms.get(t)?, u.get(t)?);
+        let mut forces = vec![0.0; u.len()];
+        term.local_weights2(&mut forces);
+        forces.iter_mut().zip(u).for_each(|(q, u)| *q *= u);
+        Some(forces)
+    };
+    let mut q = forces(problem, 0)?;
+    let mut q_y = match &field.held {
+        Some(data) => {
+            let mut y = vec![0.0; n];
+            field.blur.apply(grid, false, &x[..n], &mut y);
+            y.iter_mut().zip(data.observed()).for_each(|(y, f)| *y = 2.0 * data.lambda() * (*y - f));
+            y
+        }
+        None => forces(problem, 1)?,
+    };
+    let measured = |k: usize| field.measured.get(k).copied().unwrap_or(true);
+    let mut e = field.blur.explain(grid, r, FLOOR);
+    e.iter_mut().enumerate().filter(|(k, _)| !measured(*k)).for_each(|(_, e)| *e = 0.0);
+    for channel in 0..grid.channels {
+        // K keeps sums, so that the means of r and e are to be equal.
+        let rows = || (0..grid.height).map(|i| (i * grid.channels + channel) * grid.width);
+        let nodes = || rows().flat_map(|first| first..first + grid.width);
+        let off: f64 = rows()
+            .map(|first| {
+                let row = first..first + grid.width;
+                r[row.clone()].iter().sum::<f64>() - e[row].iter().sum::<f64>()
+            })
+            .sum();
+        let count = nodes().filter(|k| measured(*k)).count();
+        let shift = off / count.max(1) as f64;
+        nodes().filter(|k| measured(*k)).for_each(|k| e[k] += shift);
+    }
+    let psi = field.blur.potential(grid, r, &e);
+    let gradient = problem.terms.first_mut()?;
+    let mut w = vec![0.0; q.len()];
+    gradient.couple(&psi, &mut w);
+    vector::add_scaled(&mut q, -1.0, &w);
+    vector::add_scaled(&mut q_y, -1.0, &e);
+    // Rounding of a prox that leaves what was not measured where it is.
+    q_y.iter_mut().enumerate().filter(|(k, _)| !measured(*k)).for_each(|(_, q)| *q = 0.0);
+    let mut gauge = gradient.gauge(&q)?;
+    if field.held.is_none() {
+        gauge = gauge.max(problem.terms.get(1)?.gauge(&q_y)?);
+    }
+    if !gauge.is_finite() {
+        return None;
+    }
+    let scale = if gauge > 1.0 { 1.0 / gauge } else { 1.0 };
+    q_y.iter_mut().for_each(|q| *q *= scale);
+    match &field.held {
+        // lambda |y - f|^2
+        Some(data) => Some(-vector::dot(&q_y, data.observed()) - vector::dot(&q_y, &q_y) / (4.0 * data.lambda())),
+        None => {
+            q.iter_mut().for_each(|q| *q *= scale);
+            let of_gradient = problem.terms.first()?.conjugate(&q)?;
+            Some(-of_gradient - problem.terms.get(1)?.conjugate(&q_y)?)
+        }
+    }
+}
