@@ -148,18 +148,11 @@ fn listen(
             Ok(inbox) => inbox.recv_timeout(POLL),
             Err(_) => Err(RecvTimeoutError::Disconnected),
         });
-        let mut wish = Ok(false);
-        match event {
-            Ok(progress) => {
-                if failure.is_none() {
-                    wish = ask(py, listener, progress);
-                }
-                // An error: the run does not wait any more.
-                let _ = reply.send(());
-            }
-            Err(RecvTimeoutError::Timeout) => {}
+        let wish = match event {
+            Ok(progress) if failure.is_none() => ask(py, listener, progress),
+            Ok(_) | Err(RecvTimeoutError::Timeout) => Ok(false),
             Err(RecvTimeoutError::Disconnected) => return failure,
-        }
+        };
         match wish.and_then(|ends| py.check_signals().map(|()| ends)) {
             Ok(false) => {}
             Ok(true) => cancel.store(true, Ordering::Relaxed),
@@ -167,6 +160,10 @@ fn listen(
                 failure.get_or_insert(e);
                 cancel.store(true, Ordering::Relaxed);
             }
+        }
+        if event.is_ok() {
+            // Only now, so that the run sees that it is to end. An error: it does not wait any more.
+            let _ = reply.send(());
         }
     }
 }
