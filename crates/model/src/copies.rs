@@ -3,9 +3,7 @@
 mod slots;
 
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{
-    Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term, Uncoupled,
-};
+use proxel_split::{Cycle, EnergyReport, LocalReport, Order, PenaltyReport, Residual, Scale, Term, Uncoupled};
 use rayon::prelude::*;
 use slots::{CHUNK, Part, Slots};
 use std::ops::{AddAssign, Range};
@@ -252,8 +250,6 @@ impl<const D: usize, S: JointSet<D>> Term for Copies<D, S> {
         }
     }
 
-    fn add_characteristic_force(&self, _: &mut [f64]) {}
-
     fn scale(&self) -> Scale {
         Scale { weight2: self.weight2.iter().sum(), ..Scale::default() }
     }
@@ -269,16 +265,6 @@ impl<const D: usize, S: JointSet<D>> Term for Copies<D, S> {
         const NUMBER: f64 = 2.0;
         NUMBER * self.local_dim() as f64
     }
-
-    fn propose_weights(&mut self, _: (f64, f64)) -> f64 {
-        1.0
-    }
-
-    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
-        false
-    }
-
-    fn take_weights(&mut self, _: &mut [f64], _: &mut [f64]) {}
 }
 
 /// a + b

@@ -3,7 +3,7 @@
 use crate::points::Points;
 use crate::solid::{Placed, deepest};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
+use proxel_split::{Cycle, EnergyReport, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
 
 /// The border of a set that points stay in.
 pub trait Wall<const D: usize>: Send + Sync {
@@ -226,8 +226,6 @@ impl<const D: usize, W: Wall<D>> Term for Obstacle<D, W> {
         }
     }
 
-    fn add_characteristic_force(&self, _: &mut [f64]) {}
-
     /// A set has no stiffness; its weights follow contact.
     fn propose_weights(&mut self, _: (f64, f64)) -> f64 {
         self.waited += 1;
@@ -236,10 +234,6 @@ impl<const D: usize, W: Wall<D>> Term for Obstacle<D, W> {
             return 1.0;
         }
         (0..self.points.len()).map(|k| ratio(k).max(1.0 / ratio(k))).fold(1.0, f64::max)
-    }
-
-    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
-        false
     }
 
     fn scale(&self) -> Scale {

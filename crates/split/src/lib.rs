@@ -49,6 +49,7 @@ mod tangent;
 mod term;
 mod untangle;
 pub mod vector;
+mod weight;
 
 pub use accelerated::{
     Accelerated, Acceleration, Account, Algorithm, Alternation, BuildError, Carrier, CombinedResidual,
@@ -93,3 +94,4 @@ pub use system::{NormalMatrix, Precision, SystemError};
 pub use tangent::{Tangent, TangentError};
 pub use term::{DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
 pub use untangle::{Dial, Relax, Untangle};
+pub use weight::Weight;

@@ -312,7 +312,11 @@ pub trait Term: Send + Sync {
 
     /// sum_i w^2 |D_i|^2 per node as a bound of the gradient's size: adds stiffness * |V D_i| to `size` for each free node
     /// i, the force that a stress of the size of the rest stiffness would put on it.
-    fn add_characteristic_force(&self, size: &mut [f64]);
+    ///
+    /// The provided method adds nothing: a set has no stiffness, and weighs nothing against others.
+    fn add_characteristic_force(&self, size: &mut [f64]) {
+        let _ = size;
+    }
 
     /// How large and how stiff the batch is.
     fn scale(&self) -> Scale;
@@ -321,15 +325,24 @@ pub trait Term: Send + Sync {
     fn local_weights2(&self, out: &mut [f64]);
 
     /// Works out candidate weights from the stiffness at z, clamped to `range` times the base weight, W(22), and returns
-    /// the largest ratio max(w_cand^2/w^2, w^2/w_cand^2), W(23).
-    fn propose_weights(&mut self, range: (f64, f64)) -> f64;
+    /// the largest ratio max(w_cand^2/w^2, w^2/w_cand^2), W(23). The provided methods are those of weights that stay as they
+    /// are.
+    fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
+        let _ = range;
+        1.0
+    }
 
     /// Raises the candidate weights, from now on, of the elements that the rule means, up to a limit of the term; false
     /// where all of them are there.
-    fn harden(&mut self, rule: &Hardening, x: &[f64], p: &[f64], u: &[f64]) -> bool;
+    fn harden(&mut self, rule: &Hardening, x: &[f64], p: &[f64], u: &[f64]) -> bool {
+        let _ = (rule, x, p, u);
+        false
+    }
 
     /// Takes the candidate weights and scales u by w^2/w_cand^2, so that w^2 u, the force, stays; z stays, p follows.
-    fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]);
+    fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
+        let _ = (p, u);
+    }
 
     /// Second derivatives, where the term has them: what the methods of Newton's kind need.
     fn curvature(&mut self) -> Option<&mut dyn Curvature> {

@@ -1,13 +1,10 @@
 //! The gradient of an image, and functions of it.
 
 use super::pass::{Sums, begin};
-use super::weight::Weight;
 use crate::{Boundary, Grid, Pointwise};
 use proxel_linalg::simd::{Isa, Kernel, dispatch};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{
-    Cycle, DualMap, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term, vector,
-};
+use proxel_split::{Cycle, DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term, Weight, vector};
 use rayon::prelude::*;
 
 /// g(grad x): D takes forward differences,
@@ -488,10 +485,6 @@ impl<P: Pointwise> Term for GradientTerm<P> {
 
     fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
         self.weight.propose(range)
-    }
-
-    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
-        false
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {

@@ -5,7 +5,6 @@ mod pass;
 mod pixel;
 mod second_order;
 mod stencil;
-mod weight;
 
 pub use gradient::GradientTerm;
 pub use pixel::PixelTerm;

@@ -1,12 +1,9 @@
 //! Functions of the pixels of a field.
 
 use super::pass::{Sums, begin};
-use super::weight::Weight;
 use crate::{Grid, Pointwise};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{
-    Cycle, DualMap, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term, vector,
-};
+use proxel_split::{Cycle, DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term, Weight, vector};
 use rayon::prelude::*;
 
 /// g(x) over the nodes of a field: D is the identity on them. Data terms, and sets. Local vectors are laid out as the field
@@ -215,10 +212,6 @@ impl<P: Pointwise> Term for PixelTerm<P> {
 
     fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
         self.weight.propose(range)
-    }
-
-    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
-        false
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {

@@ -1,12 +1,9 @@
 //! Functions of linear maps of fields that are given by their stencils.
 
 use super::pass::{Sums, begin};
-use super::weight::Weight;
 use crate::{Grid, Pointwise};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{
-    Cycle, DualMap, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term, vector,
-};
+use proxel_split::{Cycle, DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term, Weight, vector};
 use rayon::prelude::*;
 
 /// What is told of a local number: its nodes and their factors.
@@ -238,10 +235,6 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
 
     fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
         self.weight.propose(range)
-    }
-
-    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
-        false
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {

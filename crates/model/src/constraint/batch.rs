@@ -1,10 +1,10 @@
 //! Cells as a term of the splitting.
 
 use super::cells::CHUNK;
-use super::gather::Gather;
+use super::gather::{Gather, add_normal};
 use super::{Cells, Hint, Reduction, Set, V3, dot, sub};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
+use proxel_split::{Cycle, EnergyReport, LocalReport, Order, PenaltyReport, Residual, Scale, Term, Weight};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -32,9 +32,7 @@ pub struct Batch<R, S> {
     cells: Arc<Cells<R, S>>,
     hold: Hold,
     value: f64,     // sum g(z) of the last local step, where sets are soft and split off
-    base: f64,      // mu as it was given
-    weight2: f64,   // as it is
-    candidate: f64, // as it may become
+    weight: Weight, // mu, or that of a soft set
     gather: Gather,
     nearest: Vec<V3>, // where sets are soft: the nearest points to `at`
     at: Vec<V3>,      // Dx that they are nearest to: a pass at the same x does not ask again
@@ -59,9 +57,7 @@ impl<R: Reduction, S: Set> Batch<R, S> {
             hints: if cells.set.takes_hints() { vec![Hint::default(); cells.len()] } else { Vec::new() },
             hold,
             value: 0.0,
-            base: weight,
-            weight2: weight,
-            candidate: weight,
+            weight: Weight::new(weight),
             cells,
         }
     }
@@ -106,7 +102,7 @@ impl<R: Reduction, S: Set> Batch<R, S> {
 
     /// v = Dx + u, z <- P(v); in the x-z-u order u <- v - z; p <- z - u; forces <- w^2 D^T (Dx - p).
     fn split(&mut self, cycle: &Cycle, x: &[f64], p: &mut [V3], u: &mut [V3]) -> LocalReport {
-        let (cells, w2) = (&*self.cells, self.weight2);
+        let (cells, w2) = (&*self.cells, self.weight.squared);
         let (rows, corners) = (cells.rows, cells.corners);
         let x = x.as_chunks::<3>().0;
         let updates_dual = cycle.order == Order::Xzu;
@@ -164,7 +160,7 @@ impl<R: Reduction, S: Set> Batch<R, S> {
 
     /// 1/2 w^2 |Dx - p|^2; forces <- w^2 D^T (Dx - p).
     fn aim(&mut self, x: &[f64], p: &[V3]) -> f64 {
-        let (cells, w2) = (&*self.cells, self.weight2);
+        let (cells, w2) = (&*self.cells, self.weight.squared);
         let (rows, corners) = (cells.rows, cells.corners);
         let x = x.as_chunks::<3>().0;
         let numbers = self.forces.par_chunks_mut(CHUNK * corners).zip(p.par_chunks(CHUNK * rows)).enumerate();
@@ -278,9 +274,9 @@ impl<R: Reduction, S: Set> Term for Batch<R, S> {
             Some(weight) => {
                 // z is scratch of local steps, and mu no part of the objective.
                 self.at.fill([f64::NAN; 3]);
-                let mu = std::mem::replace(&mut self.weight2, weight);
+                let mu = std::mem::replace(&mut self.weight.squared, weight);
                 let value = self.aim_at_nearest(x);
-                self.weight2 = mu;
+                self.weight.squared = mu;
                 value
             }
             None => self.aim_at_nearest(x),
@@ -295,7 +291,7 @@ impl<R: Reduction, S: Set> Term for Batch<R, S> {
         if self.is_soft() {
             return Residual::default();
         }
-        let (cells, w2, x) = (&*self.cells, self.weight2, x.as_chunks::<3>().0);
+        let (cells, w2, x) = (&*self.cells, self.weight.squared, x.as_chunks::<3>().0);
         let len = 3 * cells.rows;
         let state = p.par_chunks(CHUNK * len).zip(u.par_chunks(CHUNK * len)).enumerate();
         let parts: Vec<Residual> = state
@@ -322,52 +318,25 @@ impl<R: Reduction, S: Set> Term for Batch<R, S> {
     }
 
     fn add_normal(&self, pattern: &SymPattern, values: &mut [f64]) {
-        let corners = self.cells.corners;
-        for nodes in self.cells.nodes.chunks_exact(corners) {
-            for (a, i) in nodes.iter().enumerate().filter(|(_, i)| (**i as usize) < pattern.n()) {
-                for (b, j) in nodes.iter().enumerate().filter(|(_, j)| **j <= *i) {
-                    if let Some(slot) = pattern.slot(*i as usize, *j as usize) {
-                        values[slot] += self.weight2 * R::normal(a, b, corners);
-                    }
-                }
-            }
-        }
+        add_normal::<R>(&self.cells.nodes, self.cells.corners, self.weight.squared, pattern, values);
     }
 
-    /// A set has no stiffness, and weighs nothing against others.
-    fn add_characteristic_force(&self, _: &mut [f64]) {}
-
     fn scale(&self) -> Scale {
-        Scale { weight2: self.weight2 * self.cells.len() as f64, ..Scale::default() }
+        Scale { weight2: self.weight.squared * self.cells.len() as f64, ..Scale::default() }
     }
 
     fn local_weights2(&self, out: &mut [f64]) {
-        out.fill(if self.is_soft() { 0.0 } else { self.weight2 });
+        out.fill(if self.is_soft() { 0.0 } else { self.weight.squared });
     }
 
-    /// That of a hard set stays unless the range forbids it; that of a soft one is part of the objective.
+    /// That of a soft set is part of the objective.
     fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
-        if self.is_soft() {
-            return 1.0;
-        }
-        self.candidate = self.base * 1.0_f64.max(range.0).min(range.1);
-        (self.candidate / self.weight2).max(self.weight2 / self.candidate)
-    }
-
-    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
-        false
+        if self.is_soft() { 1.0 } else { self.weight.propose(range) }
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
-        let scale = self.weight2 / self.candidate;
-        if self.is_soft() || scale == 1.0 {
-            return;
-        }
-        self.weight2 = self.candidate;
-        for (p, u) in p.iter_mut().zip(u) {
-            let z = *p + *u;
-            *u *= scale;
-            *p = z - *u;
+        if !self.is_soft() {
+            self.weight.take(p, u);
         }
     }
 }

@@ -1,6 +1,7 @@
-//! Sums at nodes of what the corners of elements have.
+//! What elements put on their nodes: sums of forces, and D^T W D.
 
-use super::V3;
+use super::{Reduction, V3};
+use proxel_linalg::sparse::SymPattern;
 use rayon::prelude::*;
 
 /// Which corners are at each node, so that nodes gather and elements need not scatter.
@@ -45,5 +46,24 @@ impl Gather {
                 }
             }
         });
+    }
+}
+
+/// Adds w^2 D^T D of elements with `corners` nodes each to a matrix over the free nodes.
+pub(super) fn add_normal<R: Reduction>(
+    nodes: &[u32],
+    corners: usize,
+    weight2: f64,
+    pattern: &SymPattern,
+    values: &mut [f64],
+) {
+    for nodes in nodes.chunks_exact(corners) {
+        for (a, i) in nodes.iter().enumerate().filter(|(_, i)| (**i as usize) < pattern.n()) {
+            for (b, j) in nodes.iter().enumerate().filter(|(_, j)| **j <= *i) {
+                if let Some(slot) = pattern.slot(*i as usize, *j as usize) {
+                    values[slot] += weight2 * R::normal(a, b, corners);
+                }
+            }
+        }
     }
 }

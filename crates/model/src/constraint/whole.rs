@@ -1,9 +1,9 @@
 //! Sets of one's own, which are asked for the nearest points of all elements at once.
 
-use super::gather::Gather;
+use super::gather::{Gather, add_normal};
 use super::{CellsError, Hold, Reduction, V3, dot, sub};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, Order, PenaltyReport, Residual, Scale, Term};
+use proxel_split::{Cycle, EnergyReport, LocalReport, Order, PenaltyReport, Residual, Scale, Term, Weight};
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -24,10 +24,8 @@ pub struct Whole<R> {
     rows: usize,
     sets: Arc<dyn Projection>,
     hard: bool,
-    unit: f64,    // what distances are violations against
-    base: f64,    // weight as it was given
-    weight2: f64, // as it is
-    candidate: f64,
+    unit: f64,      // what distances are violations against
+    weight: Weight, // mu, or that of a soft set
     gather: Gather,
     coupled: Vec<V3>, // scratch: Dx
     nearest: Vec<V3>, // the nearest points to `at`
@@ -54,7 +52,7 @@ impl<R: Reduction> Whole<R> {
         let Some(rows) = rows.filter(|_| nodes.len() < u32::MAX as usize) else {
             return Err(CellsError(format!("{} nodes are no elements of {corners} corners for this set", nodes.len())));
         };
-        let (hard, base) = match hold {
+        let (hard, weight) = match hold {
             Hold::Hard(mu) => (true, mu),
             Hold::Soft(weight) => (false, weight),
             Hold::Split { .. } => {
@@ -68,9 +66,7 @@ impl<R: Reduction> Whole<R> {
             sets,
             hard,
             unit,
-            base,
-            weight2: base,
-            candidate: base,
+            weight: Weight::new(weight),
             gather: Gather::new(&nodes),
             coupled: vec![[0.0; 3]; n],
             nearest: vec![[0.0; 3]; n],
@@ -100,7 +96,7 @@ impl<R: Reduction> Whole<R> {
 
     /// 1/2 w^2 |Dx - p|^2 of Dx as reduced last; its gradient w^2 D^T (Dx - p) is added to `grad`.
     fn aim(&mut self, p: &[V3], grad: Option<&mut [f64]>) -> f64 {
-        let (rows, w2) = (self.rows, self.weight2);
+        let (rows, w2) = (self.rows, self.weight.squared);
         let mut value = 0.0;
         let elements = self.coupled.chunks_exact(rows).zip(p.chunks_exact(rows));
         for (f, (c, p)) in self.forces.chunks_exact_mut(self.corners).zip(elements) {
@@ -165,7 +161,7 @@ impl<R: Reduction> Term for Whole<R> {
             return LocalReport { value_after: objective, objective, ..LocalReport::default() };
         }
         self.reduce(x);
-        let w2 = self.weight2;
+        let w2 = self.weight.squared;
         let mut report = LocalReport::default();
         let mut z = std::mem::take(&mut self.nearest);
         let coupled = self.coupled.as_flattened();
@@ -228,8 +224,8 @@ impl<R: Reduction> Term for Whole<R> {
         self.reduce(x);
         for (c, (p, u)) in self.coupled.as_flattened().iter().zip(p.iter().zip(u)) {
             let z = p + u;
-            residual.gap2 += self.weight2 * (c - z).powi(2);
-            residual.size2 += self.weight2 * z * z;
+            residual.gap2 += self.weight.squared * (c - z).powi(2);
+            residual.size2 += self.weight.squared * z * z;
         }
         residual
     }
@@ -239,51 +235,25 @@ impl<R: Reduction> Term for Whole<R> {
     }
 
     fn add_normal(&self, pattern: &SymPattern, values: &mut [f64]) {
-        for nodes in self.nodes.chunks_exact(self.corners) {
-            for (a, i) in nodes.iter().enumerate().filter(|(_, i)| (**i as usize) < pattern.n()) {
-                for (b, j) in nodes.iter().enumerate().filter(|(_, j)| **j <= *i) {
-                    if let Some(slot) = pattern.slot(*i as usize, *j as usize) {
-                        values[slot] += self.weight2 * R::normal(a, b, self.corners);
-                    }
-                }
-            }
-        }
+        add_normal::<R>(&self.nodes, self.corners, self.weight.squared, pattern, values);
     }
 
-    /// A set has no stiffness, and weighs nothing against others.
-    fn add_characteristic_force(&self, _: &mut [f64]) {}
-
     fn scale(&self) -> Scale {
-        Scale { weight2: self.weight2 * self.n_elems() as f64, ..Scale::default() }
+        Scale { weight2: self.weight.squared * self.n_elems() as f64, ..Scale::default() }
     }
 
     fn local_weights2(&self, out: &mut [f64]) {
-        out.fill(if self.hard { self.weight2 } else { 0.0 });
+        out.fill(if self.hard { self.weight.squared } else { 0.0 });
     }
 
     /// As that of [`super::Batch`].
     fn propose_weights(&mut self, range: (f64, f64)) -> f64 {
-        if !self.hard {
-            return 1.0;
-        }
-        self.candidate = self.base * 1.0_f64.max(range.0).min(range.1);
-        (self.candidate / self.weight2).max(self.weight2 / self.candidate)
-    }
-
-    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
-        false
+        if self.hard { self.weight.propose(range) } else { 1.0 }
     }
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
-        let scale = self.weight2 / self.candidate;
-        if !self.hard || scale == 1.0 {
-            return;
-        }
-        self.weight2 = self.candidate;
-        for (p, u) in p.iter_mut().zip(u) {
-            let z = *p + *u;
-            *u *= scale;
-            *p = z - *u;
+        if self.hard {
+            self.weight.take(p, u);
         }
     }
 }

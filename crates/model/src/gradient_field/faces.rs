@@ -7,7 +7,7 @@ mod tests;
 use kernels::{Images, Local, Sweep, Tied};
 use proxel_linalg::simd::{LANES, dispatch};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{Cycle, EnergyReport, Hardening, LocalReport, PenaltyReport, Residual, Scale, Term, Uncoupled};
+use proxel_split::{Cycle, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term, Uncoupled};
 use rayon::prelude::*;
 use std::ops::AddAssign;
 
@@ -253,8 +253,6 @@ impl Term for FaceField {
         }
     }
 
-    fn add_characteristic_force(&self, _: &mut [f64]) {}
-
     fn scale(&self) -> Scale {
         Scale { weight2: self.weight2.iter().sum(), ..Scale::default() }
     }
@@ -272,14 +270,4 @@ impl Term for FaceField {
         const NUMBER: f64 = 0.7;
         NUMBER * self.local_dim() as f64
     }
-
-    fn propose_weights(&mut self, _: (f64, f64)) -> f64 {
-        1.0
-    }
-
-    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
-        false
-    }
-
-    fn take_weights(&mut self, _: &mut [f64], _: &mut [f64]) {}
 }

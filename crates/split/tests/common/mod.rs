@@ -2,8 +2,8 @@
 
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{
-    Admm, AdmmSettings, Direct, DualMap, EnergyReport, Equalities, Hardening, Inertia, LocalReport, PenaltyReport,
-    Problem, Quadratic, Residual, Scale, Term,
+    Admm, AdmmSettings, Direct, DualMap, EnergyReport, Equalities, Inertia, LocalReport, PenaltyReport, Problem,
+    Quadratic, Residual, Scale, Term,
 };
 
 /// g(z) = w^2 phi(z), phi(z) = k/2 (z - 1)^2 + q/4 (z - 1)^4, within limits where there are some.
@@ -163,8 +163,6 @@ impl Term for Chain {
         }
     }
 
-    fn add_characteristic_force(&self, _: &mut [f64]) {}
-
     fn scale(&self) -> Scale {
         let (measure, weight2) = (self.lengths.iter().sum(), self.weight2.iter().sum());
         Scale { measure, weight2, energy: 0.5 * weight2, hessian: 1.0 }
@@ -173,16 +171,6 @@ impl Term for Chain {
     fn local_weights2(&self, out: &mut [f64]) {
         out.copy_from_slice(&self.weight2);
     }
-
-    fn propose_weights(&mut self, _: (f64, f64)) -> f64 {
-        1.0
-    }
-
-    fn harden(&mut self, _: &Hardening, _: &[f64], _: &[f64], _: &[f64]) -> bool {
-        false
-    }
-
-    fn take_weights(&mut self, _: &mut [f64], _: &mut [f64]) {}
 }
 
 /// Free nodes of the chain; the last node is fixed.
