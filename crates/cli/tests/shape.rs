@@ -44,6 +44,9 @@ fn wires_are_woven() {
     let shown = folder.run("wire --show-settings --edge-length 2").is(0).out.clone();
     let settings: serde_json::Value = serde_json::from_str(&shown).expect("settings are JSON");
     assert!(settings["edge_length"] == 2.0 && settings["min_angle"] == 45.0 && settings["mu"] == 1000.0, "{settings}");
+    let shown = folder.run("wire --show-settings --method aa-admm").is(0).out.clone();
+    let settings: serde_json::Value = serde_json::from_str(&shown).expect("settings are JSON");
+    assert!(settings["mu"] == 3000.0, "{settings}");
     folder.run("wire roof.obj --out no.obj --edge-length=-1").is_refused(&["--edge-length is -1"]);
     folder.run("wire roof.obj --out no.obj --min-angle 100 --max-angle 90").is_refused(&["--min-angle is 100"]);
     folder.run("wire roof.obj --out no.obj --subdivide 9").is_refused(&["--subdivide is 9"]);

@@ -3,7 +3,6 @@
 pub mod bending;
 pub mod constraint;
 pub mod contact;
-pub mod copies;
 pub mod elements;
 pub mod energy;
 pub mod gradient_field;

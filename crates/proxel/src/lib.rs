@@ -19,6 +19,7 @@ pub mod samples;
 pub mod settings;
 pub mod shape;
 pub mod simulate;
+mod threads;
 pub mod unwrap;
 pub mod wavefront;
 

@@ -37,7 +37,7 @@ pub struct WireArgs {
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1")]
     #[arg(default_value_t = WireSettings::default().subdivide)]
     pub subdivide: usize,
-    /// Penalty of edges and angles [default: 1000; aadr: 10000; shapeup: 100]
+    /// Penalty of edges and angles [default: 1000; admm, aa-admm: 3000; aadr: 10000; shapeup: 100]
     #[arg(long, value_name = "MU", allow_negative_numbers = true, help_heading = "Method")]
     pub mu: Option<f64>,
 }

@@ -2,15 +2,16 @@
 
 use super::build::Built;
 use super::{ComposeError, ComposeMethod, ComposeSettings, Composed, Composition};
-use crate::deform::{Hooks, Progress, REFUSALS, TimeLimit, row};
+use crate::deform::{Hooks, REFUSALS, TimeLimit, Watcher};
 use crate::report::{Report, Seconds};
 use crate::settings::NewtonSettings;
+use crate::threads;
 use proxel_split::{
     Acceleration, Admm, AdmmSettings, Algorithm, BuildError, Cancel, Cycle, Direct, Extrapolation, GradientTolerance,
-    History, IterationLimit, Method, Newton, NoProgress, Observer, Order, Problem, QuasiNewton, ResidualTolerance,
-    StepReport, Stop, SystemError, vector,
+    History, IterationLimit, Method, Newton, NoProgress, Order, Problem, QuasiNewton, ResidualTolerance, Stop,
+    SystemError, vector,
 };
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Solves a composition. What is returned holds for the positions as returned.
 ///
@@ -20,9 +21,7 @@ use std::time::{Duration, Instant};
 pub fn solve(of: &Composition, settings: &ComposeSettings, hooks: &mut Hooks<'_>) -> Result<Composed, ComposeError> {
     let began = Instant::now();
     settings.check().map_err(ComposeError)?;
-    let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|e| ComposeError(format!("{threads} threads cannot be started: {e}")))?;
+    let (pool, threads) = threads::pool(settings.threads).map_err(ComposeError)?;
     pool.install(|| solve_here(of, settings, hooks, threads, began))
 }
 
@@ -117,7 +116,7 @@ fn solve_here(
     };
     let (mut limit, mut stuck) = (IterationLimit(settings.max_iters), NoProgress::new(REFUSALS));
     let (mut cancel, mut time) = (Cancel(hooks.cancel.clone()), TimeLimit::new(began, settings.time_limit));
-    let mut watcher = Watcher { hooks, began, watching: Duration::ZERO };
+    let mut watcher = Watcher::new(hooks, began, |_: &[f64]| f64::INFINITY);
     let mut stops: [&mut dyn Stop; 5] = [tolerance.as_mut(), &mut cancel, &mut time, &mut limit, &mut stuck];
     let outcome = proxel_split::run(method.as_mut(), &mut stops, &mut watcher);
     let solve = began.elapsed().as_secs_f64() - setup;
@@ -156,27 +155,4 @@ fn solve_here(
     };
     let positions = built.positions(&outcome.x, &of.fixed);
     Ok(Composed { positions, status: outcome.status, violation: energy.violation, report })
-}
-
-/// Feeds the hooks.
-struct Watcher<'a, 'b> {
-    hooks: &'a mut Hooks<'b>,
-    began: Instant,
-    watching: Duration, // time spent on what only the hooks need
-}
-
-impl Observer for Watcher<'_, '_> {
-    fn observe(&mut self, method: &mut dyn Method, report: &StepReport) {
-        let now = Instant::now();
-        let seconds = (now - self.began).saturating_sub(self.watching).as_secs_f64();
-        if let Some(progress) = self.hooks.progress.as_deref_mut() {
-            let energy = method.energy();
-            let (energy, inverted) = (energy.value, energy.inverted);
-            progress(&Progress { iteration: report.iteration, seconds, energy, inverted });
-        }
-        if let Some(trace) = self.hooks.trace.as_deref_mut() {
-            trace(&row(method, report, seconds, f64::INFINITY));
-        }
-        self.watching += now.elapsed();
-    }
 }

@@ -29,11 +29,12 @@ pub use own::{ElementEnergy, Matrix, OwnEnergy};
 pub use picture::draw_deformation;
 pub use skin::Skin;
 pub use watch::{Hooks, Progress};
-pub(crate) use watch::{TimeLimit, row};
+pub(crate) use watch::{TimeLimit, Watcher, row};
 
 use crate::pins::HalfSpace;
 use crate::report::{Report, Seconds};
 use crate::settings::{DeformSettings, MethodName, PenaltyName};
+use crate::threads;
 use embedded::Carrying;
 use proxel_mesh::Mesh;
 use proxel_split::{
@@ -143,11 +144,7 @@ pub fn deform(
 
 /// The threads that settings ask for.
 pub(crate) fn pool(settings: &DeformSettings) -> Result<rayon::ThreadPool, DeformError> {
-    let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| DeformError(format!("{threads} threads cannot be started: {e}")))
+    Ok(threads::pool(settings.threads).map_err(DeformError)?.0)
 }
 
 fn deform_here(
@@ -379,7 +376,9 @@ fn solve(
     let mut stuck = NoProgress::new(REFUSALS);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = watch::TimeLimit::new(began, settings.time_limit);
-    let mut watcher = watch::Watcher::new(body, hooks, began, method.x().to_vec());
+    let start = method.x().to_vec();
+    let mut watcher =
+        watch::Watcher::new(hooks, began, |x: &[f64]| body.reference_error(x, &start).unwrap_or(f64::INFINITY));
     let mut stops: Vec<&mut dyn Stop> = vec![if hard { &mut residual_tolerance } else { &mut tolerance }];
     if let Some(patch) = &mut patch {
         stops.push(patch);

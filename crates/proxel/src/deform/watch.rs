@@ -1,6 +1,5 @@
 //! Observers with a clock: progress, trace rows, the time limit.
 
-use super::Body;
 use crate::report::TraceRow;
 use proxel_split::{Method, Observer, Status, StepReport, Stop, Verdict};
 use std::sync::Arc;
@@ -32,21 +31,21 @@ pub struct Hooks<'a> {
 }
 
 /// Feeds the hooks.
-pub(super) struct Watcher<'a, 'b> {
-    body: &'a Body,
+pub(crate) struct Watcher<'a, 'b, E> {
     hooks: &'a mut Hooks<'b>,
     began: Instant,
     watching: Duration, // time spent on what only the hooks need
-    start: Vec<f64>,
+    error: E,
 }
 
-impl<'a, 'b> Watcher<'a, 'b> {
-    pub fn new(body: &'a Body, hooks: &'a mut Hooks<'b>, began: Instant, start: Vec<f64>) -> Self {
-        Watcher { body, hooks, began, watching: Duration::ZERO, start }
+impl<'a, 'b, E: FnMut(&[f64]) -> f64> Watcher<'a, 'b, E> {
+    /// `error` is the position error of an x.
+    pub fn new(hooks: &'a mut Hooks<'b>, began: Instant, error: E) -> Self {
+        Watcher { hooks, began, watching: Duration::ZERO, error }
     }
 }
 
-impl Observer for Watcher<'_, '_> {
+impl<E: FnMut(&[f64]) -> f64> Observer for Watcher<'_, '_, E> {
     fn observe(&mut self, method: &mut dyn Method, report: &StepReport) {
         let now = Instant::now();
         let seconds = (now - self.began).saturating_sub(self.watching).as_secs_f64();
@@ -60,7 +59,7 @@ impl Observer for Watcher<'_, '_> {
             });
         }
         if let Some(trace) = self.hooks.trace.as_deref_mut() {
-            let position_error = self.body.reference_error(method.x(), &self.start).unwrap_or(f64::INFINITY);
+            let position_error = (self.error)(method.x());
             trace(&row(method, report, seconds, position_error));
         }
         self.watching += now.elapsed();

@@ -31,6 +31,7 @@ mod tests;
 use crate::deform::{TimeLimit, row};
 use crate::report::{GeodesicReport, Report, Seconds, TraceRow};
 use crate::settings::{GeodesicMethod, GeodesicSettings};
+use crate::threads;
 use heat::{Flow, Laplacian};
 use proxel_mesh::{Mesh, MeshError};
 use proxel_split::{
@@ -98,11 +99,7 @@ pub fn geodesic(
 ) -> Result<Geodesic, GeodesicError> {
     let began = Instant::now();
     settings.check().map_err(GeodesicError)?;
-    let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| GeodesicError(format!("{threads} threads cannot be started: {e}")))?;
+    let (pool, threads) = threads::pool(settings.threads).map_err(GeodesicError)?;
     pool.install(|| Run { mesh, settings, threads, began }.solve(sources, hooks))
 }
 
@@ -115,7 +112,7 @@ pub fn gradient_problem(mesh: &Mesh, sources: &[u32], settings: &GeodesicSetting
     settings.check().map_err(GeodesicError)?;
     let surface = Surface::new(mesh)?;
     let start = Start::new(mesh, &surface, sources, settings.time)?;
-    Ok(splitting::problem(&surface, &start.flow.directions, settings.form, settings.mu))
+    splitting::problem(&surface, &start.flow.directions, settings.form, settings.mu)
 }
 
 /// What every method begins with.
@@ -197,7 +194,7 @@ impl Run<'_> {
 
     fn split(&self, surface: &Surface, start: &Start, hooks: &mut Hooks<'_>) -> Result<(Vec<f64>, End), GeodesicError> {
         let settings = self.settings;
-        let problem = splitting::problem(surface, &start.flow.directions, settings.form, settings.mu);
+        let problem = splitting::problem(surface, &start.flow.directions, settings.form, settings.mu)?;
         let mut method = splitting::method(problem, settings)?;
         let mut converged = ResidualTolerance::new(settings.tol);
         let mut cancel = Cancel(hooks.cancel.clone());

@@ -1,9 +1,9 @@
 //! The nearest integrable field by ADMM, in the z-x-u order (Tao et al. 2019): z are copies that fit together, x the field.
 
+use super::GeodesicError;
 use super::surface::Surface;
 use crate::settings::{GeodesicMethod, GeodesicSettings, GradientForm};
-use proxel_model::copies::Copies;
-use proxel_model::gradient_field::{AroundFaces, FaceField};
+use proxel_model::gradient_field::{FaceField, TooManyFaces, field_on_edges};
 use proxel_split::{
     Acceleration, Admm, AdmmSettings, Algorithm, Cycle, Direct, Method, Order, Problem, Quadratic, SystemError, Term,
 };
@@ -13,38 +13,38 @@ use std::collections::VecDeque;
 ///
 /// Faces: min sum_f A_f |G_f - g_f|^2, squared weights mu A_f. Edges: min sum_f A_f sum_e ((x_e - g_f . e) / l_e)^2, squared
 /// weights mu A_f / l_e^2. Areas are in units of their mean.
-pub fn problem(surface: &Surface, directions: &[[f64; 2]], form: GradientForm, mu: f64) -> Problem {
+///
+/// # Errors
+/// For edges: one with more faces than there is room for.
+pub fn problem(
+    surface: &Surface,
+    directions: &[[f64; 2]],
+    form: GradientForm,
+    mu: f64,
+) -> Result<Problem, GeodesicError> {
     let faces = surface.triangles.len();
     let mean = surface.area.iter().sum::<f64>() / faces as f64;
     let area: Vec<f64> = surface.area.iter().map(|a| a / mean).collect();
-    match form {
+    Ok(match form {
         GradientForm::Faces => {
             let frames: Vec<[[f64; 2]; 3]> = (0..faces).map(|f| [0, 1, 2].map(|k| surface.direction(f, k).0)).collect();
-            let term = FaceField::new(surface.edges.len(), &surface.face_edges, &frames, &area, mu);
+            let term = FaceField::on_faces(surface.edges.len(), &surface.face_edges, &frames, &area, mu);
             let springs = directions.iter().zip(&area).enumerate();
             let springs = springs.map(|(f, (g, a))| (f as u32, 2.0 * a, [g[0], g[1], 0.0])).collect();
             assembled(2, directions.as_flattened().to_vec(), Box::new(term), springs)
         }
         GradientForm::Edges => {
             let edges = surface.edges.len();
-            let mut counts = vec![0u32; edges]; // faces at an edge
-            surface.face_edges.iter().flatten().for_each(|e| counts[*e as usize] += 1);
-            let mut next: Vec<u32> = counts.iter().scan(0, |sum, n| Some(std::mem::replace(sum, *sum + n))).collect();
-            let mut slots = vec![[0; 3]; faces];
-            let (mut signs, mut lengths) = (vec![[0.0; 3]; faces], vec![[0.0; 3]; faces]);
-            let mut weights = vec![0.0; 3 * faces];
+            let (mut signs, mut weights2) = (vec![[0.0; 3]; faces], vec![[0.0; 3]; faces]);
             let mut targets = vec![(0.0, 0.0); edges]; // weight, weighted sum
             for f in 0..faces {
                 for k in 0..3 {
                     let e = surface.face_edges[f][k] as usize;
                     let (d, forward) = surface.direction(f, k);
                     let l = surface.lengths[e];
-                    slots[f][k] = next[e];
                     signs[f][k] = if forward { 1.0 } else { -1.0 };
-                    lengths[f][k] = l;
                     let w = area[f] / (l * l);
-                    weights[next[e] as usize] = mu * w;
-                    next[e] += 1;
+                    weights2[f][k] = mu * w;
                     targets[e].0 += w;
                     targets[e].1 += w * l * (d[0] * directions[f][0] + d[1] * directions[f][1]);
                 }
@@ -52,10 +52,19 @@ pub fn problem(surface: &Surface, directions: &[[f64; 2]], form: GradientForm, m
             let start: Vec<f64> = targets.iter().map(|(w, sum)| sum / w).collect();
             let springs = targets.iter().zip(&start).enumerate();
             let springs = springs.map(|(e, ((w, _), x))| (e as u32, 2.0 * w, [*x, 0.0, 0.0])).collect();
-            let term = Copies::<1, _>::new(AroundFaces::new(&slots, &signs, &lengths), counts, weights);
-            assembled(1, start, Box::new(term), springs)
+            let term = field_on_edges(edges, &surface.face_edges, &signs, &weights2, &surface.lengths);
+            let term = term.map_err(|e| crowded(surface, e))?;
+            assembled(1, start, term, springs)
         }
-    }
+    })
+}
+
+fn crowded(surface: &Surface, e: TooManyFaces) -> GeodesicError {
+    let ends = surface.edges.get(e.edge as usize).copied().unwrap_or_default();
+    GeodesicError(format!(
+        "the edge between vertices {} and {} has {} faces; unknowns on edges are for {} at most: take --form faces",
+        ends[0], ends[1], e.faces, e.most
+    ))
 }
 
 fn assembled(dim: usize, x0: Vec<f64>, term: Box<dyn Term>, springs: Vec<(u32, f64, [f64; 3])>) -> Problem {

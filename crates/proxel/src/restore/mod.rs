@@ -20,6 +20,7 @@ mod watch;
 use crate::deform::TimeLimit;
 use crate::report::{Report, RestoreReport, Seconds};
 use crate::settings::{BoundaryName, DataName, RegulariserName, RestoreMethod, RestoreSettings, VariationName};
+use crate::threads;
 use proxel_imaging::restore::{
     Data, Edges, Iteration, Model, Regulariser, RiskSettings, choose_lambda, duality_gap, noise_level, psnr,
 };
@@ -104,11 +105,7 @@ pub struct Restored {
 pub fn restore(input: &Input<'_>, settings: &RestoreSettings, hooks: &mut Hooks<'_>) -> Result<Restored, RestoreError> {
     let began = Instant::now();
     settings.check().map_err(RestoreError)?;
-    let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| RestoreError(format!("{threads} threads cannot be started: {e}")))?;
+    let (pool, threads) = threads::pool(settings.threads).map_err(RestoreError)?;
     let mut restored = pool.install(|| solve(input, settings, hooks, began))?;
     restored.report.threads = threads;
     Ok(restored)

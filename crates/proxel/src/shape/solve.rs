@@ -6,6 +6,7 @@ use super::run::{self, Ended};
 use super::{ShapeError, ShapeSettings};
 use crate::deform::Hooks;
 use crate::report::{Report, Seconds};
+use crate::threads;
 use proxel_mesh::Mesh;
 use proxel_model::constraint::V3;
 use proxel_split::Status;
@@ -29,9 +30,7 @@ pub(super) fn in_threads<T: Send>(
     threads: Option<usize>,
     work: impl FnOnce(usize) -> Result<T, ShapeError> + Send,
 ) -> Result<T, ShapeError> {
-    let threads = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|e| ShapeError(format!("{threads} threads cannot be started: {e}")))?;
+    let (pool, threads) = threads::pool(threads).map_err(ShapeError)?;
     pool.install(|| work(threads))
 }
 

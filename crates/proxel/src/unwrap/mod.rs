@@ -31,6 +31,7 @@ pub use watch::{Hooks, MapRow, Progress};
 
 use crate::report::{MapReport, Report, Seconds};
 use crate::settings::UnwrapSettings;
+use crate::threads;
 use assemble::Laid;
 use chart::{ChartInput, ChartMap};
 use proxel_mesh::charts::{ChartOptions, Charts, charts};
@@ -109,11 +110,7 @@ pub fn unwrap(input: &UnwrapInput, settings: &UnwrapSettings, hooks: &mut Hooks<
 
 /// The threads that settings ask for.
 fn pool(settings: &UnwrapSettings) -> Result<rayon::ThreadPool, UnwrapError> {
-    let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| UnwrapError(format!("{threads} threads cannot be started: {e}")))
+    Ok(threads::pool(settings.threads).map_err(UnwrapError)?.0)
 }
 
 /// The charts of a mesh that can be mapped.

@@ -20,6 +20,7 @@ mod tests;
 use crate::deform::{TimeLimit, row};
 use crate::report::{Report, Seconds, TraceRow, WavefrontReport};
 use crate::settings::{WavefrontMethod, WavefrontSettings};
+use crate::threads;
 use proxel_imaging::wavefront::{Linearised, PyramidSettings, Solver, Stage, coarse_to_fine, comparable};
 use proxel_imaging::{Image, ImageError};
 use proxel_split::{
@@ -97,11 +98,7 @@ pub fn wavefront(
 ) -> Result<Wavefront, WavefrontError> {
     let began = Instant::now();
     settings.check().map_err(WavefrontError)?;
-    let threads = settings.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| WavefrontError(format!("{threads} threads cannot be started: {e}")))?;
+    let (pool, threads) = threads::pool(settings.threads).map_err(WavefrontError)?;
     pool.install(|| {
         let planes = comparable(reference, captured, settings.texture)?;
         let setup = began.elapsed().as_secs_f64();

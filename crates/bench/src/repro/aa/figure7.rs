@@ -57,6 +57,11 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     let full = most(context, 100);
     let by = |method, m, most| problem.task.by(method, m, most);
     let (fast, after) = problem.course(context, "aa-admm m=6", &by(ShapeMethod::AaAdmm, 6, full))?;
+    let ours = WireSettings::by(ShapeMethod::AaAdmm).shape.mu;
+    let mut task = by(ShapeMethod::AaAdmm, 6, full);
+    task.settings().mu = ours;
+    let default = format!("aa-admm m=6, mu = {ours}");
+    let (stiff, default_after) = problem.course(context, &default, &task)?;
     let (plain, longest) = problem.course(context, "admm", &by(ShapeMethod::Admm, 0, full))?;
     let equal = at_equal_time(&plain, &fast);
     let before = match equal < plain.points.len() {
@@ -68,7 +73,8 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     row(&mut ends, &format!("admm, {} iterations", plain.points.len()), &longest, |c| c.after);
     row(&mut ends, &format!("admm at equal time, {equal} iterations"), &before, |c| c.after);
     row(&mut ends, &format!("aa-admm m=6, {} iterations", fast.points.len()), &after, |c| c.after);
-    let courses = [plain, fast];
+    row(&mut ends, &format!("{default}, our default, {} iterations", stiff.points.len()), &default_after, |c| c.after);
+    let courses = [plain, fast, stiff];
     let shown: Vec<&Course> = courses.iter().collect();
     let _ = writeln!(context.text, "## Iterations\n\n{}\n## Results\n\n{ends}", table(&courses, &THEIRS));
     let panels =

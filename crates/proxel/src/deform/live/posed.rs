@@ -325,7 +325,9 @@ impl Posed {
             stops.push(patch);
         }
         stops.extend([&mut cancel as &mut dyn Stop, &mut time, &mut limit, &mut stuck]);
-        let mut watcher = Watcher::new(&self.body, hooks, began, method.x().to_vec());
+        let start = method.x().to_vec();
+        let mut watcher =
+            Watcher::new(hooks, began, |x: &[f64]| self.body.reference_error(x, &start).unwrap_or(f64::INFINITY));
         let outcome = proxel_split::run(method, &mut stops, &mut watcher);
         // At the border of a hard set the gradient says nothing, and of a point that was left it is not known.
         let known = outcome.is_last && !hard;
