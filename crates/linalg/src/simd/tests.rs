@@ -205,3 +205,27 @@ fn reciprocals_are_within_two_units_in_the_last_place() {
         assert!(recip.iter().chain(&rsqrt).all(|v| v.is_nan()), "{level:?}");
     }
 }
+
+struct Gather<'a>(&'a [f64], [u32; LANES], usize, usize);
+
+impl Kernel for Gather<'_> {
+    type Output = [f64; LANES];
+    fn run<I: Isa>(self) -> Self::Output {
+        F8::<I>::gather(self.0, &self.1, self.2, self.3).to_array()
+    }
+}
+
+#[test]
+fn gathers_stay_inside() {
+    let from: Vec<f64> = (0..25).map(f64::from).collect();
+    let index = [7, 0, 6, 1, 5, 2, 4, 3];
+    for level in Level::available() {
+        assert_eq!(dispatch_at(level, Gather(&from, index, 3, 1)), index.map(|i| f64::from(3 * i + 1)));
+        for (index, stride, offset) in
+            [([0, 1, 2, 3, 4, 5, 6, 8], 3, 1), ([0; 8], 1, 25), ([u32::MAX; 8], usize::MAX, 1)]
+        {
+            let outside = std::panic::catch_unwind(|| dispatch_at(level, Gather(&from, index, stride, offset)));
+            assert!(outside.is_err(), "{level:?} {index:?}");
+        }
+    }
+}

@@ -49,8 +49,8 @@ impl Kernel for Sums<'_> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         for (slots, sums) in self.faces.iter().zip(self.sums.as_chunks_mut::<LANES>().0) {
-            let [a, b, c] = [0, 1, 2].map(|k| F8::<I>::gather(self.images, &slots[k], 1, 0));
-            (a + b + c).store(sums);
+            let first = F8::<I>::gather(self.images, &slots[0], 1, 0) + F8::gather(self.images, &slots[1], 1, 0);
+            (first + F8::gather(self.images, &slots[2], 1, 0)).store(sums);
         }
     }
 }

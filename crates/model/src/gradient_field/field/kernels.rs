@@ -40,52 +40,104 @@ fn ones_of_slots<T, const K: usize>(of_slots: &[T]) -> &[[[T; LANES]; K]] {
     of_slots.as_chunks().0.as_chunks().0
 }
 
+// Loops, not closures: those are functions without the instruction set of their caller.
+
 #[inline(always)]
-fn each<I: Isa, const D: usize>(f: impl FnMut(usize) -> F8<I>) -> [F8<I>; D] {
-    std::array::from_fn(f)
+fn zero<I: Isa, const D: usize>() -> [F8<I>; D] {
+    [F8::splat(0.0); D]
 }
 
-/// The numbers of eight nodes, which lie node by node.
 #[inline(always)]
-fn apart<I: Isa, const D: usize>(x: &[f64]) -> [F8<I>; D] {
-    match x.first_chunk() {
-        Some(eight) if D == 2 => {
-            let pair = F8::pairs(eight);
-            each(|d| pair[d])
-        }
-        _ => each(|d| F8::of(std::array::from_fn(|lane| x[D * lane + d]))),
+fn load<I: Isa, const D: usize>(from: &[Lanes; D]) -> [F8<I>; D] {
+    let mut v = zero();
+    for d in 0..D {
+        v[d] = F8::load(&from[d]);
+    }
+    v
+}
+
+#[inline(always)]
+fn store<I: Isa, const D: usize>(v: [F8<I>; D], to: &mut [Lanes; D]) {
+    for d in 0..D {
+        v[d].store(&mut to[d]);
     }
 }
 
+/// a + b
 #[inline(always)]
-fn join<I: Isa, const D: usize>(v: [F8<I>; D], x: &mut [f64]) {
-    match x.first_chunk_mut() {
-        Some(eight) if D == 2 => F8::put_pairs([v[0], v[D - 1]], eight),
-        _ => {
-            let v = v.map(F8::to_array);
-            x.iter_mut().enumerate().for_each(|(i, x)| *x = v[i % D][i / D]);
-        }
+fn sum<I: Isa, const D: usize>(a: [F8<I>; D], b: [F8<I>; D]) -> [F8<I>; D] {
+    let mut v = a;
+    for d in 0..D {
+        v[d] = a[d] + b[d];
     }
+    v
 }
 
-/// Those of a block; the filler where there are fewer nodes.
+/// a - b
+#[inline(always)]
+fn gap<I: Isa, const D: usize>(a: [F8<I>; D], b: [F8<I>; D]) -> [F8<I>; D] {
+    let mut v = a;
+    for d in 0..D {
+        v[d] = a[d] - b[d];
+    }
+    v
+}
+
+/// a . b
+#[inline(always)]
+fn dot<I: Isa, const D: usize>(a: [F8<I>; D], b: [F8<I>; D]) -> F8<I> {
+    let mut sum = a[0] * b[0];
+    for d in 1..D {
+        sum += a[d] * b[d];
+    }
+    sum
+}
+
+/// |a - b|^2
+#[inline(always)]
+fn square<I: Isa, const D: usize>(a: [F8<I>; D], b: [F8<I>; D]) -> F8<I> {
+    let gap = gap(a, b);
+    dot(gap, gap)
+}
+
+/// The numbers of the eight nodes of a block, which lie node by node; the filler where there are fewer nodes.
 #[inline(always)]
 fn nodes<I: Isa, const D: usize>(x: &[f64], block: usize, filler: f64) -> [F8<I>; D] {
     let rest = x.get(block * D * LANES..).unwrap_or_default();
-    if rest.len() >= D * LANES {
-        return if D == 1 { each(|_| F8::load_at(rest, 0)) } else { apart(&rest[..D * LANES]) };
+    let mut v = zero();
+    if D == 1 && rest.len() >= LANES {
+        v[0] = F8::load_at(rest, 0);
+        return v;
     }
-    let lanes = |d: usize| std::array::from_fn(|lane| rest.get(D * lane + d).copied().unwrap_or(filler));
-    each(|d| F8::of(lanes(d)))
+    if let (true, Some(eight)) = (D == 2, rest.first_chunk()) {
+        v.copy_from_slice(&F8::pairs(eight)[..D]);
+        return v;
+    }
+    for d in 0..D {
+        let mut lanes = [filler; LANES];
+        for (lane, x) in lanes.iter_mut().zip(rest.iter().skip(d).step_by(D)) {
+            *lane = *x;
+        }
+        v[d] = F8::of(lanes);
+    }
+    v
 }
 
+/// Puts them where [`nodes`] takes them from.
 #[inline(always)]
 fn put_nodes<I: Isa, const D: usize>(x: &mut [f64], block: usize, v: [F8<I>; D]) {
     let rest = x.get_mut(block * D * LANES..).unwrap_or_default();
-    let here = rest.len().min(D * LANES);
-    match here == D * LANES && D == 1 {
-        true => v[0].store_at(rest, 0),
-        false => join(v, &mut rest[..here]),
+    if D == 1 && rest.len() >= LANES {
+        return v[0].store_at(rest, 0);
+    }
+    if let (true, Some(eight)) = (D == 2, rest.first_chunk_mut()) {
+        return F8::put_pairs([v[0], v[D - 1]], eight);
+    }
+    for d in 0..D {
+        let lanes = v[d].to_array();
+        for (lane, x) in lanes.iter().zip(rest.iter_mut().skip(d).step_by(D)) {
+            *x = *lane;
+        }
     }
 }
 
@@ -101,21 +153,18 @@ impl<const D: usize, const K: usize> Kernel for Images<'_, D, K> {
     type Output = ();
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let dot = |a: &[Lanes; D], v: [F8<I>; D]| {
-            let first = F8::load(&a[0]) * v[0];
-            (1..D).fold(first, |sum, d| sum + F8::load(&a[d]) * v[d])
-        };
         let images: &mut [[Lanes; K]] = self.images.as_chunks_mut().0.as_chunks_mut().0;
         let u = self.u.map(blocks::<D, K>);
         for (block, (direction, images)) in blocks::<D, K>(self.direction).iter().zip(images).enumerate() {
             let c = nodes::<I, D>(self.x, block, 0.0);
-            match u {
-                Some(u) => {
-                    for k in 0..K {
-                        dot(&direction[k], each(|d| c[d] + F8::load(&u[block][k][d]))).store(&mut images[k]);
-                    }
+            if let Some(u) = u {
+                for k in 0..K {
+                    dot(load(&direction[k]), sum(c, load(&u[block][k]))).store(&mut images[k]);
                 }
-                None => (0..K).for_each(|k| dot(&direction[k], c).store(&mut images[k])),
+            } else {
+                for k in 0..K {
+                    dot(load(&direction[k]), c).store(&mut images[k]);
+                }
             }
         }
     }
@@ -166,8 +215,11 @@ impl<const D: usize, const K: usize, T: Ties> Known<'_, D, K, T> {
         let other = F8::gather(self.images, &self.other[k], 1, 0);
         let counts = if T::DIFFERENCES { F8::load(&self.own[k]) - other } else { other };
         let excess = F8::load(&self.share[k]) * counts;
-        let u = each(|d| F8::load(&u[k][d]));
-        let z = each(|d| (c[d] + u[d]) - excess * F8::load(&self.direction[k][d]));
+        let (u, direction) = (load(&u[k]), load::<I, D>(&self.direction[k]));
+        let mut z = sum(c, u);
+        for d in 0..D {
+            z[d] -= excess * direction[d];
+        }
         Slot { u, z, weight2: F8::load(&self.weight2[k]) }
     }
 }
@@ -182,44 +234,36 @@ pub struct Local<'a, const D: usize, const K: usize, T> {
     pub tied: Tied<'a, D, K, T>,
 }
 
-/// |a - b|^2
-#[inline(always)]
-fn square<I: Isa, const D: usize>(a: [F8<I>; D], b: [F8<I>; D]) -> F8<I> {
-    let gap: [F8<I>; D] = each(|d| a[d] - b[d]);
-    (1..D).fold(gap[0] * gap[0], |sum, d| sum + gap[d] * gap[d])
-}
-
 impl<const D: usize, const K: usize, T: Ties> Kernel for Local<'_, D, K, T> {
     type Output = LocalReport;
     #[inline(always)]
     fn run<I: Isa>(self) -> LocalReport {
-        let zero = F8::<I>::splat(0.0);
-        let [mut penalty_before, mut moved2, mut gap2_before, mut gap2, mut penalty_after, mut objective] = [zero; 6];
+        let [mut penalty_before, mut moved2, mut gap2_before, mut gap2, mut penalty_after, mut objective] =
+            zero::<I, 6>();
         let locals = blocks_mut::<D, K>(self.p).iter_mut().zip(blocks_mut::<D, K>(self.u));
         for (block, (tied, (here, dual))) in self.tied.blocks().zip(locals).enumerate() {
             let c = nodes::<I, D>(self.x, block, 0.0);
             let mut grad = nodes::<I, D>(self.grad, block, 0.0);
             for k in 0..K {
                 let Slot { u, z, weight2 } = tied.nearest(k, c, dual);
-                let p = each(|d| F8::load(&here[k][d]));
-                let before: [F8<I>; D] = each(|d| p[d] + u[d]);
-                let v: [F8<I>; D] = each(|d| c[d] + u[d]);
+                let p = load(&here[k]);
+                let (before, v) = (sum(p, u), sum(c, u));
                 penalty_before += weight2 * square(c, p);
                 moved2 += weight2 * square(z, before);
                 gap2_before += weight2 * square(c, before);
                 gap2 += weight2 * square(c, z);
                 penalty_after += weight2 * square(v, z);
                 let u = match self.order {
-                    Order::Xzu => each(|d| v[d] - z[d]),
+                    Order::Xzu => gap(v, z),
                     Order::Zxu => u,
                 };
-                let p = each(|d| z[d] - u[d]);
+                let p = gap(z, u);
                 objective += weight2 * square(c, p);
                 for d in 0..D {
                     grad[d] = weight2.mul_add(c[d] - p[d], grad[d]);
-                    p[d].store(&mut here[k][d]);
-                    u[d].store(&mut dual[k][d]);
                 }
+                store(p, &mut here[k]);
+                store(u, &mut dual[k]);
             }
             put_nodes(self.grad, block, grad);
         }
@@ -250,30 +294,30 @@ impl<const D: usize, const K: usize, T: Ties> Kernel for Sweep<'_, D, K, T> {
     type Output = ();
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let zero = F8::<I>::splat(0.0);
         let locals = blocks_mut::<D, K>(self.p).iter_mut().zip(blocks_mut::<D, K>(self.u));
         for (block, (tied, (here, dual))) in self.tied.blocks().zip(locals).enumerate() {
             let c = nodes::<I, D>(self.x, block, 0.0);
-            let (mut grad, mut z, mut p) = ([zero; D], [[zero; D]; K], [[zero; D]; K]);
+            let (mut grad, mut z, mut p) = (zero::<I, D>(), [zero::<I, D>(); K], [zero::<I, D>(); K]);
             for k in 0..K {
                 let slot = tied.nearest(k, c, dual);
+                p[k] = gap(slot.z, slot.u);
+                z[k] = sum(p[k], slot.u);
                 for d in 0..D {
-                    p[k][d] = slot.z[d] - slot.u[d];
-                    z[k][d] = p[k][d] + slot.u[d];
                     grad[d] = slot.weight2.mul_add(c[d] - p[k][d], grad[d]);
                 }
             }
             let target = nodes::<I, D>(self.target, block, 0.0);
             let [stiffness] = nodes::<I, 1>(self.stiffness, block, 0.0);
             let [diagonal] = nodes::<I, 1>(self.diagonal, block, 1.0);
-            let x: [F8<I>; D] = each(|d| c[d] - (grad[d] + stiffness * (c[d] - target[d])) / diagonal);
+            let mut x = c;
+            for d in 0..D {
+                x[d] = c[d] - (grad[d] + stiffness * (c[d] - target[d])) / diagonal;
+            }
             put_nodes(self.x, block, x);
             for k in 0..K {
-                for d in 0..D {
-                    let u = x[d] - p[k][d];
-                    u.store(&mut dual[k][d]);
-                    (z[k][d] - u).store(&mut here[k][d]);
-                }
+                let u = gap(x, p[k]);
+                store(u, &mut dual[k]);
+                store(gap(z[k], u), &mut here[k]);
             }
         }
     }
