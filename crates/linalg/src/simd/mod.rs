@@ -83,22 +83,11 @@ impl<I: Isa> F8<I> {
     }
 
     /// Lane l = `from[offset + stride * index[l]]`.
-    ///
-    /// # Panics
-    /// Where one of them does not exist, as indexing does.
     #[inline(always)]
-    #[allow(unsafe_code)]
     pub fn gather(from: &[f64], index: &[u32; LANES], stride: usize, offset: usize) -> Self {
-        // One check for all lanes; eight of them take longer than the loads.
-        let mut last = index[0];
-        for i in index {
-            last = last.max(*i);
-        }
-        assert!((last as usize).saturating_mul(stride).saturating_add(offset) < from.len(), "a lane is out of bounds");
         let mut lanes = [0.0; LANES];
         for l in 0..LANES {
-            // SAFETY: index[l] <= last, whose place is inside, and places grow with the index.
-            lanes[l] = unsafe { *from.get_unchecked(index[l] as usize * stride + offset) };
+            lanes[l] = from[index[l] as usize * stride + offset];
         }
         Self::of(lanes)
     }
