@@ -106,12 +106,12 @@ fn run_sample(dir: &Path, sample: &str) -> Result<(), Failure> {
 }
 
 /// Passes the output on while adding up the closing lines.
-fn run_tests(step: Step) -> (Result<(), Failure>, Summary) {
+fn run_tests(mut step: Step) -> (Result<(), Failure>, Summary) {
     let line = step.line();
     eprintln!("$ {line}");
     let mut summary = Summary::default();
     let end = (|| {
-        let mut child = step.into_command().stdout(Stdio::piped()).spawn().map_err(|e| cannot_start(&line, &e))?;
+        let mut child = step.command().stdout(Stdio::piped()).spawn().map_err(|e| cannot_start(&line, &e))?;
         if let Some(out) = child.stdout.take() {
             let mut here = std::io::stdout().lock();
             for bytes in BufReader::new(out).split(b'\n') {
