@@ -16,8 +16,11 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// Documents with commands, and what they need.
-const DOCUMENTS: [(&str, fn(&Folder)); 10] = [
+/// A document, and what leaves the samples that it speaks of.
+type Document = (&'static str, fn(&Folder));
+
+/// All documents with commands.
+const DOCUMENTS: [Document; 10] = [
     ("README.md", |folder| {
         sphere(folder, "bunny.obj");
         folder.put("suit.obj", &Surface::patch(12).obj());
