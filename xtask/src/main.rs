@@ -26,7 +26,7 @@ Usage: cargo xtask CHORE
 Chores:
   test [--full]           all tests, doctests and examples, those of the Python package where there is a
                           python3 for them, and the demo into target/demo; with --full the package with all
-                          that it works with too, a Ray cluster among it
+                          that it works with too, a Ray cluster among it, licences and packages
   lint                    formatting, clippy and the documentation, warnings being errors
   demo [ARGS]             proxel demo, as released
   repro NAME --out DIR    a reproduction of a published table or figure; --help lists them
