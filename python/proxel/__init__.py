@@ -10,25 +10,16 @@ a run.
 
 from typing import TYPE_CHECKING, Any
 
+from ._bodies import deform
 from ._core import Cancel, InputError, Progress, SolveError, __version__
-from ._info import Gradients, Info, Trace
+from ._images import deblur, denoise, inpaint, wavefront
+from ._info import Gradients, Info, Trace, settings
 from ._job import Job
 from ._live import Deformer, Standing, Unwrapper
+from ._maps import unwrap
 from ._problem import Problem
 from ._simulate import Frame, Frames, Simulator, simulate
-from ._solve import (
-    deblur,
-    deform,
-    denoise,
-    geodesic,
-    inpaint,
-    planarize,
-    settings,
-    shape,
-    unwrap,
-    wavefront,
-    wire,
-)
+from ._surfaces import geodesic, planarize, shape, wire
 
 __all__ = [
     "Cancel",

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _solve
+from . import _bodies, _maps
 from ._core import InputError
 from ._info import Gradients, Info
 
@@ -19,14 +19,14 @@ MAP = ("V", "targets")
 
 def deform(V: Any, T: Any, **given: Any) -> tuple[Any, Info]:
     """`proxel.deform`."""
-    return _solve.deform(V, T, **given)
+    return _bodies.deform(V, T, **given)
 
 
 def unwrap(V: Any, F: Any, **given: Any) -> tuple[Any, Info]:
     """`proxel.unwrap`, in units of V."""
     if given.setdefault("pack", False):
         raise InputError("there are no gradients through packing; leave pack out")
-    return _solve.unwrap(V, F, **given)
+    return _maps.unwrap(V, F, **given)
 
 
 def number(value: np.ndarray[Any, Any]) -> Any:

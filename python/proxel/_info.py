@@ -1,4 +1,4 @@
-"""What is known of a run that is over."""
+"""What is known of a run: its settings before, and its report when it is over."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _arrays
+from . import _arrays, _core
 from ._core import InputError, Outcome, SolveError
 
 if TYPE_CHECKING:
@@ -176,7 +176,8 @@ class Info:
         self._outcome.save_preview(path)
 
     def adjoint(self, dL: ArrayLike) -> Gradients:
-        """The gradients of a function L of the result of `deform` or `unwrap` in what that was given.
+        """The gradients of a function L of the result of `deform` or `unwrap`, or of a `solve` of a `Deformer` or an
+        `Unwrapper`, in what that was given.
 
         `dL` is dL/dX (n, 3) of positions, or dL/duv (k, 2) of a map: of the shape of what came with this info. By the
         implicit function theorem, with one factor of the true Hessian: nothing is solved anew.
@@ -209,3 +210,14 @@ def finish(outcome: Outcome, arrays: dict[str, Any] | None = None, dim: int = 3)
         error.info = info
         raise error
     return info
+
+
+def settings(command: str, **settings: Any) -> dict[str, Any]:
+    """All settings of a command, with those given in the place of defaults: what `--show-settings` prints.
+
+    `command` is "unwrap", "deform", "planarize", "wire", "shape", "problem", "geodesic", "deblur", "denoise", "inpaint"
+    or "wavefront". Raises InputError for a name that no setting has, with those that there are, and for a value of the
+    wrong kind.
+    """
+    out: dict[str, Any] = json.loads(_core.settings(command, settings))
+    return out

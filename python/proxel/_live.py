@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from . import _arrays, _core
-from ._core import Cancel, Progress
+from ._bodies import body_input, padded
+from ._core import Cancel
 from ._info import Info, finish
-from ._solve import _padded, body_input, map_input
+from ._maps import map_input
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from typing_extensions import Unpack
 
     from ._settings import DeformSettings, UnwrapSettings
-
-    Callback = Callable[[Progress], object]
+    from ._types import Callback
 
 
 class Standing(NamedTuple):
@@ -122,7 +122,7 @@ class Deformer:
 
         Raises InputError for a vertex that is neither; nothing is moved then.
         """
-        who, where = _arrays.index_list(vertices, "vertices"), _padded(targets, self._dim, "targets")
+        who, where = _arrays.index_list(vertices, "vertices"), padded(targets, self._dim, "targets")
         if len(who) != len(where):
             raise _core.InputError(f"targets: there are {len(where)} for {len(who)} vertices; give one for each")
         self._core.update_handles((who, where))
@@ -151,7 +151,7 @@ class Deformer:
         """Goes on towards the minimum for the targets as they are, for no longer than `time_limit` seconds:
         positions of the shape of V, and the info of this step."""
         X, outcome = self._core.solve(time_limit, callback, cancel)
-        return np.ascontiguousarray(X[:, : self._dim]), finish(outcome)
+        return np.ascontiguousarray(X[:, : self._dim]), finish(outcome, dim=self._dim)
 
     @property
     def positions(self) -> NDArray[np.float64]:

@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _arrays, _core
-from ._core import Cancel, InputError, Progress
+from ._bodies import checked_energy
+from ._core import Cancel, InputError
 from ._info import Info, finish
-from ._solve import _checked
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from typing_extensions import Self, Unpack
 
     from ._settings import ProblemSettings
+    from ._types import Callback, Energy
 
-    Callback = Callable[[Progress], object]
-    Energy = Callable[[NDArray[np.float64]], tuple[Any, Any]]
     Projection = Callable[[NDArray[np.float64]], Any]
 
 
@@ -99,7 +98,7 @@ class Problem:
             {
                 "rest": self._rest(rest),
                 "elements": _arrays.elements(T, [4], "T", "tetrahedron"),
-                "energy": (_checked(energy), bool(getattr(energy, "barrier", False))),
+                "energy": (checked_energy(energy), bool(getattr(energy, "barrier", False))),
                 "material": self._material(like),
             }
         )

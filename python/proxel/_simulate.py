@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from . import _core
-from ._core import Cancel, InputError, Progress, SolveError
+from ._core import Cancel, InputError, SolveError
 from ._info import Info
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    Callback = Callable[[Progress], object]
+    from ._types import Callback
 
 
 class Frame:

@@ -1,17 +1,16 @@
 //! `proxel.deform`.
 
 use crate::arrays::{self, Faces, MESH, numbers, rows, table};
-use crate::drive::{Cancel, Listener, drive};
+use crate::drive::{Cancel, Listener, hooked};
 use crate::energy::Function;
 use crate::error::{InputError, refused};
 use crate::gradients::{Kept, pinned};
-use crate::outcome::{Draw, Outcome, trace};
+use crate::outcome::{Draw, Outcome};
 use crate::settings::{self, given, to_value};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
-use proxel::deform::{DeformInput, Hooks, OwnEnergy, deform as solve, draw_deformation, extras};
+use proxel::deform::{DeformInput, OwnEnergy, deform as solve, draw_deformation, extras};
 use proxel::mesh::Mesh;
 use proxel::pins::{HalfSpace, Handles, PinFile};
-use proxel::report::TraceRow;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -153,19 +152,8 @@ pub fn deform<'py>(
     let own = input.energy.as_ref().map(Function::new).transpose()?.map(Arc::new);
     let energy = own.clone().map(|own| OwnEnergy(own));
     let (input, mut warnings) = input.input_with(&points, energy)?;
-    let mut lines: Vec<TraceRow> = Vec::new();
-    let solved = drive(py, &Listener { callback, cancel }, |link| {
-        let mut on_progress = |p: &proxel::deform::Progress| link.tell(p.into());
-        let mut on_row = |row: &TraceRow| lines.push(*row);
-        let mut hooks = Hooks { cancel: link.cancel.clone(), ..Hooks::default() };
-        if link.is_heard() {
-            hooks.progress = Some(&mut on_progress);
-        }
-        if traced {
-            hooks.trace = Some(&mut on_row);
-        }
-        solve(&input, &settings, &mut hooks)
-    })?;
+    let listener = Listener { callback, cancel };
+    let (solved, trace) = hooked(py, &listener, traced, |hooks| solve(&input, &settings, hooks))?;
     if let Some(error) = own.as_ref().and_then(|own| own.error()) {
         return Err(error);
     }
@@ -186,7 +174,6 @@ pub fn deform<'py>(
         let extras = extras(input, settings, result).map_err(|e| e.to_string())?;
         Ok(draw_deformation(input, settings.mixed, result, &extras))
     });
-    let trace = traced.then(|| trace(py, &lines)).transpose()?;
     let outcome = Outcome::new(&mut report, &arrays, has_picture.then_some(draw))?;
     Ok((positions, outcome.traced(trace).keeping(Kept::Body(kept))))
 }

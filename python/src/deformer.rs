@@ -2,23 +2,25 @@
 
 use crate::arrays::{numbers, rows, table};
 use crate::deform::{BodyInput, Targets};
-use crate::drive::{Cancel, Listener, drive, own};
+use crate::drive::{Cancel, Listener, drive, hooked, own};
 use crate::error::{InputError, refused};
+use crate::gradients::{Kept, Pose, pinned};
 use crate::outcome::Outcome;
 use crate::settings::{self, given};
 use numpy::PyReadonlyArray2;
-use proxel::deform::{Deformer as Live, Frame, Hooks};
+use proxel::deform::{DeformInput, Deformation, Deformer as Live, Frame};
 use proxel::pins::RigidMotion;
 use proxel::report::{Report, Seconds};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// A body that is built once and then follows its handles: [`proxel::deform::Deformer`].
 #[pyclass(module = "proxel._core")]
 pub struct Deformer {
     live: Mutex<Live>,
+    body: Arc<DeformInput>, // as given
     warnings: Vec<String>,
 }
 
@@ -34,7 +36,7 @@ impl Deformer {
         let settings = settings::deform(given(keywords)?)?;
         let (input, warnings) = input.input(&points)?;
         let live = drive(py, &Listener::default(), |_| Live::new(&input, &settings))?.map_err(refused)?;
-        Ok(Deformer { live: Mutex::new(live), warnings })
+        Ok(Deformer { live: Mutex::new(live), body: Arc::new(input), warnings })
     }
 
     /// Sends pinned vertices, and ends of springs, elsewhere.
@@ -80,18 +82,14 @@ impl Deformer {
         let budget = budget.map_err(|e| InputError::new_err(format!("time_limit: {e}; give seconds from 0")))?;
         let began = Instant::now();
         let live = own(&mut self.live);
-        let frame = drive(py, &Listener { callback, cancel }, |link| {
-            let mut on_progress = |p: &proxel::deform::Progress| link.tell(p.into());
-            let mut hooks = Hooks { cancel: link.cancel.clone(), ..Hooks::default() };
-            if link.is_heard() {
-                hooks.progress = Some(&mut on_progress);
-            }
-            live.step(budget, &mut hooks)
-        })?;
+        let (frame, _) = hooked(py, &Listener { callback, cancel }, false, |hooks| live.step(budget, hooks))?;
         let frame = frame.map_err(refused)?;
         let mut report = self.report(&frame, began.elapsed().as_secs_f64());
-        let positions = table(py, frame.positions)?;
-        Ok((positions, Outcome::new(&mut report, &PyDict::new(py), None)?))
+        let positions = table(py, frame.positions.clone())?;
+        let arrays = PyDict::new(py);
+        arrays.set_item("pins", pinned(py, &self.body))?;
+        let kept = self.keep(frame, &report);
+        Ok((positions, Outcome::new(&mut report, &arrays, None)?.keeping(kept)))
     }
 
     /// The pose that the last step with any time ended at.
@@ -102,6 +100,28 @@ impl Deformer {
 }
 
 impl Deformer {
+    /// What gradients need of a pose.
+    fn keep(&mut self, frame: Frame, report: &Report) -> Kept {
+        let live = own(&mut self.live);
+        if live.is_carried() {
+            return Kept::Not(
+                "a surface that a lattice carries; give its tetrahedra, or deform it as a sheet (surface=\"shell\")",
+            );
+        }
+        let result = Deformation {
+            positions: frame.positions,
+            start: Vec::new(),
+            status: frame.status,
+            report: report.clone(),
+            repaired_tets: live.repaired_tets(),
+            reaction: Vec::new(),
+            carried: None,
+        };
+        let (input, settings) = (live.input(), live.settings().clone());
+        let pose = Pose { fixed: input.fixed.clone(), soft: input.soft.clone(), settings, result };
+        Kept::Pose(self.body.clone(), Box::new(pose))
+    }
+
     fn report(&mut self, frame: &Frame, seconds: f64) -> Report {
         let live = own(&mut self.live);
         let settings = live.settings();

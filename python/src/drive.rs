@@ -1,7 +1,11 @@
 //! A run in a thread of its own, while Python's thread listens: to Ctrl-C, and to what the run has to tell.
 
 use crate::error::SolveError;
+use crate::outcome::trace;
+use proxel::deform::Hooks;
+use proxel::report::TraceRow;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::any::Any;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -68,8 +72,8 @@ impl From<&proxel::deform::Progress> for Progress {
     }
 }
 
-impl From<&proxel::report::TraceRow> for Progress {
-    fn from(r: &proxel::report::TraceRow) -> Self {
+impl From<&TraceRow> for Progress {
+    fn from(r: &TraceRow) -> Self {
         Progress { iteration: r.iteration, seconds: r.seconds, energy: r.energy, inverted: r.inverted, frame: 0 }
     }
 }
@@ -132,6 +136,35 @@ pub fn drive<T: Send>(py: Python<'_>, listener: &Listener<'_>, work: impl FnOnce
             }
         }
     })
+}
+
+/// What a run was solved to, and the columns of its trace where that is wanted.
+type Traced<'py, T> = (T, Option<Bound<'py, PyDict>>);
+
+/// [`drive`] of what takes the hooks of the facade.
+///
+/// # Errors
+/// As those of [`drive`].
+pub fn hooked<'py, T: Send>(
+    py: Python<'py>,
+    listener: &Listener<'_>,
+    traced: bool,
+    solve: impl FnOnce(&mut Hooks<'_>) -> T + Send,
+) -> PyResult<Traced<'py, T>> {
+    let mut lines: Vec<TraceRow> = Vec::new();
+    let solved = drive(py, listener, |link| {
+        let mut on_progress = |p: &proxel::deform::Progress| link.tell(p.into());
+        let mut on_row = |row: &TraceRow| lines.push(*row);
+        let mut hooks = Hooks { cancel: link.cancel.clone(), ..Hooks::default() };
+        if link.is_heard() {
+            hooks.progress = Some(&mut on_progress);
+        }
+        if traced {
+            hooks.trace = Some(&mut on_row);
+        }
+        solve(&mut hooks)
+    })?;
+    Ok((solved, traced.then(|| trace(py, &lines)).transpose()?))
 }
 
 /// Until the run is over: the first error that the callback or a signal raises, which ends the run.

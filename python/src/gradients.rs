@@ -15,8 +15,25 @@ use std::sync::Arc;
 pub enum Kept {
     /// A body.
     Body(Arc<(DeformInput, DeformSettings, Deformation)>),
+    /// A pose of a body that follows its handles: the body with other targets, which are those of the pose.
+    Pose(Arc<DeformInput>, Box<Pose>),
     /// A map, and whether its coordinates are numbered as vertices are.
     Map(Arc<(UnwrapInput, UnwrapSettings, Unwrapped)>, bool),
+    /// What has no gradients, and the remedy.
+    Not(&'static str),
+}
+
+/// What of a body changes from pose to pose.
+#[derive(Clone)]
+pub struct Pose {
+    /// Where fixed vertices are.
+    pub fixed: Vec<(u32, [f64; 3])>,
+    /// Ends of springs.
+    pub soft: Vec<(u32, [f64; 3], f64)>,
+    /// How it solves.
+    pub settings: DeformSettings,
+    /// The positions, and how they were arrived at.
+    pub result: Deformation,
 }
 
 impl Kept {
@@ -29,6 +46,16 @@ impl Kept {
                 let found = py.detach(|| adjoint(input, settings, result, &slope)).map_err(refused)?;
                 of_body(py, found)
             }
+            Kept::Pose(body, pose) => {
+                let slope = rows(slope)?;
+                let Pose { fixed, soft, settings, result } = &**pose;
+                let found = py.detach(|| {
+                    let input = DeformInput { fixed: fixed.clone(), soft: soft.clone(), ..(**body).clone() };
+                    adjoint(&input, settings, result, &slope)
+                });
+                of_body(py, found.map_err(refused)?)
+            }
+            Kept::Not(what) => Err(InputError::new_err(format!("there are no gradients through {what}"))),
             Kept::Map(run, shared) => {
                 let (input, settings, result) = &**run;
                 let slope = of_coordinates(rows(slope)?, input, result, *shared)?;

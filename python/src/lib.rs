@@ -24,7 +24,11 @@ mod unwrapper;
 use pyo3::prelude::*;
 
 /// The compiled part of the package proxel.
-#[pymodule]
+///
+/// It needs no global lock. It has no statics; classes that change (`Deformer`, `Unwrapper`, `Simulator`) are borrowed
+/// exclusively by a call, and a second call meanwhile is refused; the others are frozen, and what changes in them is
+/// atomic or behind a lock. Arrays are copied before a run begins.
+#[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
     use super::deform::deform;

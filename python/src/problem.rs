@@ -1,15 +1,14 @@
 //! `proxel.Problem`.
 
 use crate::arrays::{self, Faces, numbers, rows, table};
-use crate::drive::{Cancel, Listener, drive};
+use crate::drive::{Cancel, Listener, hooked};
 use crate::energy::Function;
 use crate::error::refused;
-use crate::outcome::{Outcome, trace};
+use crate::outcome::Outcome;
 use crate::settings::{self, given, merged};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use proxel::compose::{ComposeSettings, Composition, OwnSets, Part, Projection, solve};
-use proxel::deform::{Hooks, OwnEnergy};
-use proxel::report::TraceRow;
+use proxel::deform::OwnEnergy;
 use proxel::settings::Material;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -178,23 +177,13 @@ pub fn problem<'py>(
     let settings: ComposeSettings = merged(&ComposeSettings::default(), given(keywords)?)?;
     let mut asked = Asked::default();
     let of = input.composition(&mut asked)?;
-    let mut lines: Vec<TraceRow> = Vec::new();
-    let solved = drive(py, &Listener { callback, cancel }, |link| {
+    let (solved, trace) = hooked(py, &Listener { callback, cancel }, traced, |hooks| {
         for sets in &asked.sets {
             if let Ok(mut cancel) = sets.cancel.lock() {
-                *cancel = link.cancel.clone();
+                *cancel = hooks.cancel.clone();
             }
         }
-        let mut on_progress = |p: &proxel::deform::Progress| link.tell(p.into());
-        let mut on_row = |row: &TraceRow| lines.push(*row);
-        let mut hooks = Hooks { cancel: link.cancel.clone(), ..Hooks::default() };
-        if link.is_heard() {
-            hooks.progress = Some(&mut on_progress);
-        }
-        if traced {
-            hooks.trace = Some(&mut on_row);
-        }
-        solve(&of, &settings, &mut hooks)
+        solve(&of, &settings, hooks)
     })?;
     if let Some(error) = asked.error() {
         return Err(error);
@@ -203,6 +192,5 @@ pub fn problem<'py>(
     let known = PyDict::new(py);
     known.set_item("violation", result.violation)?;
     let positions = table(py, std::mem::take(&mut result.positions))?;
-    let trace = traced.then(|| trace(py, &lines)).transpose()?;
     Ok((positions, Outcome::new(&mut result.report, &known, None)?.traced(trace)))
 }

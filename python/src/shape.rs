@@ -1,14 +1,13 @@
 //! `proxel.planarize`, `proxel.wire` and `proxel.shape`.
 
 use crate::arrays::{self, Faces, column, table};
-use crate::drive::{Cancel, Listener, drive};
+use crate::drive::{Cancel, Listener, hooked};
 use crate::error::{InputError, refused};
-use crate::outcome::{Draw, Outcome, trace};
+use crate::outcome::{Draw, Outcome};
 use crate::settings::{self, given, merged, to_value};
 use numpy::PyReadonlyArray2;
 use proxel::deform::Hooks;
 use proxel::mesh::{Mesh, read_mesh_lenient};
-use proxel::report::TraceRow;
 use proxel::shape::{
     RecipeFile, ShapeError, ShapeInput, ShapeSettings, Shaped, draw_shaped, planarize as make_planar,
     shape as make_shape, subdivide, wire as make_wire,
@@ -39,26 +38,13 @@ fn run<'py>(
     (callback, cancel, traced): Caller<'py>,
     solve: impl FnOnce(&ShapeInput, &mut Hooks<'_>) -> Result<Shaped, ShapeError> + Send,
 ) -> Run<'py> {
-    let mut lines: Vec<TraceRow> = Vec::new();
-    let solved = drive(py, &Listener { callback, cancel }, |link| {
-        let mut on_progress = |p: &proxel::deform::Progress| link.tell(p.into());
-        let mut on_row = |row: &TraceRow| lines.push(*row);
-        let mut hooks = Hooks { cancel: link.cancel.clone(), ..Hooks::default() };
-        if link.is_heard() {
-            hooks.progress = Some(&mut on_progress);
-        }
-        if traced {
-            hooks.trace = Some(&mut on_row);
-        }
-        solve(&input, &mut hooks)
-    })?;
+    let (solved, trace) = hooked(py, &Listener { callback, cancel }, traced, |hooks| solve(&input, hooks))?;
     let mut result = solved.map_err(refused)?;
     let arrays = PyDict::new(py);
     for errors in &result.faces {
         arrays.set_item(&errors.name, column(py, errors.after.clone()))?;
     }
     arrays.set_item("distance", column(py, result.distance.clone()))?;
-    let trace = traced.then(|| trace(py, &lines)).transpose()?;
     let positions = table(py, result.positions.clone())?;
     let mut report = std::mem::take(&mut result.report);
     let draw: Draw = Box::new(move || {

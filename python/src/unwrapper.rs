@@ -3,6 +3,7 @@
 use crate::arrays::{self, Faces, rows};
 use crate::drive::{Cancel, Listener, Progress, drive, own, pooled};
 use crate::error::{InputError, SolveError, refused};
+use crate::gradients::Kept;
 use crate::outcome::{Draw, Outcome};
 use crate::settings::{given, merged};
 use crate::unwrap::{MapInput, Pins, pins};
@@ -15,8 +16,8 @@ use proxel::split::Status;
 use proxel::unwrap::{MapPictures, Standing, Unwrapped, Unwrapper as Live};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::sync::Mutex;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// A map in the making: [`proxel::unwrap::Unwrapper`].
@@ -92,10 +93,11 @@ impl Unwrapper {
         let from = live.standing().iteration;
         let ended = drive(py, &Listener { callback, cancel }, |link| run(live, link, limit, began))?;
         let ended = ended.map_err(|e| SolveError::new_err(e.to_string()))?;
+        let (uv, density) = live.placed().map_err(refused)?;
         let mut result = Unwrapped {
-            uv: live.map().map_err(refused)?,
+            uv,
             status: ended.status,
-            report: report(settings, &ended, from, live, began.elapsed().as_secs_f64()),
+            report: report(settings, &ended, (from, density), live, began.elapsed().as_secs_f64()),
             rows: Vec::new(),
             charts: live.charts().clone(),
         };
@@ -104,10 +106,14 @@ impl Unwrapper {
         let certify = || certify(&mesh.points, &mesh.faces, uv, &options).map_err(|e| e.to_string());
         let found = py.detach(|| pooled(settings.threads, certify)).map_err(refused)?;
         result.certified(&found, mesh);
-        let (uv, corners, _) = arrays::map(py, mesh, &result.uv)?;
-        let (mesh, map) = (mesh.clone(), result.uv);
-        let draw: Draw = Box::new(move || Ok(MapPictures::new(&mesh, &map, false).map()));
-        Ok((uv, corners, Outcome::new(&mut result.report, &PyDict::new(py), Some(draw))?))
+        let (uv, corners, shared) = arrays::map(py, mesh, &result.uv)?;
+        let mut report = result.report.clone();
+        // As they are now: pins and seams may change.
+        let kept = Arc::new((live.input().clone(), settings.clone(), result));
+        let drawn = kept.clone();
+        let draw: Draw = Box::new(move || Ok(MapPictures::new(&drawn.0.mesh, &drawn.2.uv, density.is_some()).map()));
+        let outcome = Outcome::new(&mut report, &PyDict::new(py), Some(draw))?;
+        Ok((uv, corners, outcome.keeping(Kept::Map(kept, shared))))
     }
 
     /// The map as it is.
@@ -142,7 +148,14 @@ fn run(
     Ok(Ended { status, reason, standing })
 }
 
-fn report(settings: &UnwrapSettings, ended: &Ended, from: usize, live: &Live, seconds: f64) -> Report {
+/// Of the steps after those that there were, and with the density of what was packed.
+fn report(
+    settings: &UnwrapSettings,
+    ended: &Ended,
+    (from, density): (usize, Option<f64>),
+    live: &Live,
+    seconds: f64,
+) -> Report {
     let charts = live.charts();
     Report {
         version: env!("CARGO_PKG_VERSION").to_string(),
@@ -155,7 +168,7 @@ fn report(settings: &UnwrapSettings, ended: &Ended, from: usize, live: &Live, se
         warnings: charts.warnings.clone(),
         repaired: charts.repairs.clone(),
         seconds: Seconds { solve: seconds, ..Seconds::default() },
-        map: Some(MapReport { reversed_faces: charts.reversed_faces.len(), ..MapReport::default() }),
+        map: Some(MapReport { reversed_faces: charts.reversed_faces.len(), density, ..MapReport::default() }),
         ..Report::default()
     }
 }

@@ -1,12 +1,9 @@
-"""The code of the documents runs, each document from top to bottom, in a folder of its own; so do the commands
-of those that begin with commands, where the environment variable PROXEL names the program."""
+"""The code of the documents runs, each document from top to bottom, in a folder of its own. Their commands are tried by
+crates/cli/tests/documents.rs."""
 
 from __future__ import annotations
 
-import os
 import re
-import shlex
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -45,19 +42,3 @@ def test_pages_with_code_are_found():
         "docs/troubleshooting.md",
         "python/README.md",
     } <= found
-
-
-@pytest.mark.full
-@pytest.mark.skipif(not os.environ.get("PROXEL"), reason="PROXEL does not name the program")
-@pytest.mark.parametrize("name", ["docs/start.md", "docs/deform.md"])
-def test_commands_of(name, tmp_path):
-    for _, text in blocks(name, "toml"):
-        (tmp_path / "hold.toml").write_text(text)
-    lines = [line for _, text in blocks(name, "sh") for line in text.splitlines() if line.startswith("proxel ")]
-    assert len(lines) >= 2
-    for line in lines:
-        words = [os.environ["PROXEL"], *shlex.split(line)[1:]]
-        run = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
-        assert run.returncode == 0, line + "\n" + run.stdout + run.stderr
-        for out in re.findall(r"(?:--out|--preview|--report) (\S+)", line):
-            assert (tmp_path / out).stat().st_size > 0, out

@@ -94,6 +94,71 @@ def test_maps_answer_to_their_surface():
     assert (g.targets * e).sum() == pytest.approx(difference(moved), rel=1e-5)
 
 
+def test_a_pose_answers_to_its_targets():
+    V, T, pins, targets, weights = pulled()
+    forces = np.zeros_like(V)
+    forces[12] = [100, -200, 300]
+    given = dict(forces=forces, young=3e4, **TIGHT)
+    live = proxel.Deformer(V, T, pins=pins, targets=targets, **given)
+    _, first = live.solve()
+    moved = targets + 0.1 * np.sin(np.arange(targets.size)).reshape(targets.shape)
+    live.update_handles(pins, moved)
+    X, info = live.solve()
+    live.update_handles(pins, targets)  # what a pose has been asked for stays with its info
+    live.solve()
+    loss = lambda X: (weights * X).sum() + 0.5 * (X**2).sum()
+    cold = lambda targets: proxel.deform(V, T, pins=pins, targets=targets, **given)
+    for of, at in ((info, moved), (first, targets)):
+        Y, run = cold(at)
+        found, expected = of.adjoint(weights + Y), run.adjoint(weights + Y)
+        np.testing.assert_array_equal(found.pins, pins)
+        for name in ("targets", "V", "young", "poisson"):
+            a, b = np.asarray(getattr(found, name)), np.asarray(getattr(expected, name))
+            assert np.abs(a - b).max() < 1e-6 * np.abs(b).max(), name
+    d = np.random.default_rng(4).standard_normal(targets.shape)
+    slope = difference(lambda t: loss(cold(moved + t * d)[0]))
+    assert (info.adjoint(weights + X).targets * d).sum() == pytest.approx(slope, rel=1e-5)
+
+
+def test_a_pose_in_the_plane_and_what_a_lattice_carries():
+    V, F = patch(6, 0.0)
+    edge = np.flatnonzero(np.abs(V).max(1) == 1)
+    live = proxel.Deformer(V[:, :2], F, pins=edge, targets=V[edge, :2] * [1.2, 1.0], young=1e4, **TIGHT)
+    X, info = live.solve()
+    g = info.adjoint(X)
+    assert g.V.shape == (len(V), 2) and g.targets.shape == (len(edge), 2)
+    # Everything magnified by 1 + t: so is the pose.
+    grown = (g.V * V[:, :2]).sum() + (g.targets * V[edge, :2] * [1.2, 1.0]).sum()
+    assert grown == pytest.approx((X**2).sum(), rel=1e-7)
+    V, F = sphere(2)
+    ends = np.flatnonzero(np.abs(V[:, 0]) > 0.9)
+    live = proxel.Deformer(V, F, pins=ends, targets=1.1 * V[ends], resolution=6)
+    X, info = live.solve()
+    with pytest.raises(proxel.InputError, match="a lattice carries; give its tetrahedra"):
+        info.adjoint(X)
+
+
+def test_maps_in_the_making_answer_too():
+    V, F = patch(6)
+    corners = np.array([0, 48])
+    live = proxel.Unwrapper(V, F, pins=corners, targets=[[0.0, 0.0], [2.0, 2.2]], pack=False, **TIGHT)
+    live.solve()
+    places = np.array([[0.0, 0.1], [2.1, 2.2]])
+    live.update_handles(corners, places)
+    uv, info = live.solve()
+    whole, run = proxel.unwrap(V, F, pins=corners, targets=places, pack=False, **TIGHT)
+    slope = np.cos(np.arange(uv.size)).reshape(uv.shape)
+    found, expected = info.adjoint(slope), run.adjoint(slope)
+    for name in ("V", "targets"):
+        a, b = getattr(found, name), getattr(expected, name)
+        assert np.abs(a - b).max() < 1e-6 * np.abs(b).max(), name
+    live = proxel.Unwrapper(V, F, **TIGHT)
+    uv, info = live.solve()
+    assert info.density > 0
+    with pytest.raises(proxel.InputError, match="pack=False"):
+        info.adjoint(uv)
+
+
 def test_a_surface_that_was_cut():
     """Rows of uv are more than vertices; the area of the map is that of the surface, nearly."""
     V, F = sphere(2)

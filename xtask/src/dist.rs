@@ -1,6 +1,7 @@
 //! `cargo xtask dist` and `cargo xtask python`: what is handed out, and the tests of the Python package. They need cargo
 //! and python3 only, and keep what else they need in virtual environments below cargo's target folder.
 
+use crate::free_threaded;
 use crate::run::{Failure, Step, cargo, program, root, target_dir};
 use std::ffi::OsString;
 use std::fs;
@@ -24,22 +25,32 @@ const FULL: [&str; 5] = ["ray>=2.40", "pyarrow>=14", "pyvista>=0.43", "polyscope
 /// The oldest Python that the package is for.
 const OLDEST: (u32, u32) = (3, 10);
 
-/// `cargo xtask dist [--wheel] --out DIR`: the wheel, and without `--wheel` the package as source and the command too.
+/// `cargo xtask dist [--wheel] [--wheel-free-threaded] --out DIR`: the wheels that are named, and where none is named
+/// the wheel, the package as source and the command.
 pub fn dist(args: &[OsString]) -> Result<(), Failure> {
-    let (mut wheel_only, mut out) = (false, None);
+    let (mut stable, mut free, mut out) = (false, false, None);
     let mut args = args.iter();
     while let Some(arg) = args.next() {
         match arg.to_string_lossy().as_ref() {
-            "--wheel" => wheel_only = true,
+            "--wheel" => stable = true,
+            "--wheel-free-threaded" => free = true,
             "--out" => out = args.next().map(PathBuf::from),
             other => {
-                return Err(Failure::usage(format!("dist has no argument `{other}`; give [--wheel] --out DIR")));
+                let known = "[--wheel] [--wheel-free-threaded] --out DIR";
+                return Err(Failure::usage(format!("dist has no argument `{other}`; give {known}")));
             }
         }
     }
     let out = folder(out.ok_or_else(|| Failure::usage("dist needs a folder; give --out DIR"))?)?;
-    let mut written = vec![wheel(&out)?];
-    if !wheel_only {
+    let mut written = Vec::new();
+    // First, since it is what may not be there.
+    if free {
+        written.push(free_threaded::wheel(&out)?);
+    }
+    if stable || !free {
+        written.push(wheel(&out)?);
+    }
+    if !(stable || free) {
         written.push(sources(&out)?);
         written.push(command(&out)?);
     }
@@ -60,10 +71,7 @@ pub fn python(args: &[OsString]) -> Result<(), Failure> {
     venv.run(["-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps"]).args([wheel]).run()?;
     // Not beside the sources, so that what is tested is what was installed.
     let tests = root().join("python").join("tests");
-    let pytest = venv.run(["-m", "pytest"]).args([tests]).args(args).env("PROXEL_GALLERY", pictures());
-    // Commands of documents are tried where the program is there.
-    let program = target_dir().join("release").join(format!("proxel{}", std::env::consts::EXE_SUFFIX));
-    if program.exists() { pytest.env("PROXEL", program) } else { pytest }.run()
+    venv.run(["-m", "pytest"]).args([tests]).args(args).env("PROXEL_GALLERY", pictures()).run()
 }
 
 /// Where the tests of the gallery leave its pictures.
@@ -115,6 +123,21 @@ fn sources(out: &Path) -> Result<PathBuf, Failure> {
 
 /// Exactly one wheel, for every Python from the oldest on.
 pub fn wheel(out: &Path) -> Result<PathBuf, Failure> {
+    let interpreter = Venv::new(BUILDING_IN, &[MATURIN])?.python();
+    let wheel = wheel_for(&interpreter, out)?;
+    match abi(&wheel).as_deref() {
+        Some("abi3") => Ok(wheel),
+        _ => Err(Failure::other(format!("{} is for one Python only", wheel.display()))),
+    }
+}
+
+/// The third of the tags of a wheel's name: what binary interface it has.
+pub fn abi(wheel: &Path) -> Option<String> {
+    Some(wheel.file_stem()?.to_str()?.rsplit('-').nth(1)?.to_owned())
+}
+
+/// Exactly one wheel, as this interpreter wants it.
+pub fn wheel_for(interpreter: &Path, out: &Path) -> Result<PathBuf, Failure> {
     let venv = Venv::new(BUILDING_IN, &[MATURIN])?;
     let built = target_dir().join("maturin-wheels");
     if built.exists() {
@@ -122,7 +145,7 @@ pub fn wheel(out: &Path) -> Result<PathBuf, Failure> {
     }
     let manifest = root().join("python").join("Cargo.toml");
     venv.run(["-m", "maturin", "build", "--release", "--locked", "--manifest-path"])
-        .args([manifest.as_os_str(), "--interpreter".as_ref(), venv.python().as_os_str(), "--out".as_ref()])
+        .args([manifest.as_os_str(), "--interpreter".as_ref(), interpreter.as_os_str(), "--out".as_ref()])
         .args([&built])
         .run()?;
     let wheels: Vec<PathBuf> = fs::read_dir(&built)
@@ -133,11 +156,7 @@ pub fn wheel(out: &Path) -> Result<PathBuf, Failure> {
     let [wheel] = &wheels[..] else {
         return Err(Failure::other(format!("maturin made {} wheels where one was to be: {wheels:?}", wheels.len())));
     };
-    let name = wheel.file_name().unwrap_or_default();
-    if !name.to_string_lossy().contains("-abi3-") {
-        return Err(Failure::other(format!("{} is for one Python only", wheel.display())));
-    }
-    copy(wheel, &out.join(name))
+    copy(wheel, &out.join(wheel.file_name().unwrap_or_default()))
 }
 
 fn copy(from: &Path, to: &Path) -> Result<PathBuf, Failure> {
@@ -155,9 +174,18 @@ pub struct Venv(PathBuf);
 impl Venv {
     /// With these packages, below the target folder.
     pub fn new(name: &str, packages: &[&str]) -> Result<Self, Failure> {
+        Venv::of(python3, name, packages)
+    }
+
+    /// The same of a Python that is looked for where there is no such environment yet.
+    pub fn of(
+        python: impl FnOnce() -> Result<OsString, Failure>,
+        name: &str,
+        packages: &[&str],
+    ) -> Result<Self, Failure> {
         let venv = Venv(target_dir().join(name));
         if !venv.python().exists() {
-            let python = python3()?;
+            let python = python()?;
             // pip is installed by ensurepip, which some distributions keep in a package of its own.
             let has = |module: &str| quiet(Command::new(&python).args(["-c", &format!("import {module}")]));
             if !has("venv") || !has("ensurepip") {
@@ -172,9 +200,15 @@ impl Venv {
         Ok(venv)
     }
 
-    fn python(&self) -> PathBuf {
-        let below: [&str; 2] = if cfg!(windows) { ["Scripts", "python.exe"] } else { ["bin", "python"] };
-        below.iter().fold(self.0.clone(), |path, part| path.join(part))
+    /// Its Python.
+    pub fn python(&self) -> PathBuf {
+        self.program("python")
+    }
+
+    /// A program that it has.
+    pub fn program(&self, name: &str) -> PathBuf {
+        let folder = if cfg!(windows) { "Scripts" } else { "bin" };
+        self.0.join(folder).join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
     }
 
     /// Its Python with these arguments.
@@ -183,7 +217,8 @@ impl Venv {
     }
 }
 
-fn quiet(command: &mut Command) -> bool {
+/// Whether a command succeeds, of which nothing is shown.
+pub fn quiet(command: &mut Command) -> bool {
     command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
 }
 

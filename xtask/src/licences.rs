@@ -1,5 +1,4 @@
-//! A test of the licences of all dependencies, by the list in deny.toml that cargo-deny reads, and of the one version
-//! that all manifests and the citation have.
+//! A test of the licences of all dependencies, by the list in deny.toml that cargo-deny reads.
 
 use crate::run::{root, target_dir};
 use std::collections::BTreeSet;
@@ -67,15 +66,4 @@ fn licences_of_dependencies_are_those_that_deny_toml_allows() {
         seen += 1;
     }
     assert!(seen > 50, "{seen} packages");
-}
-
-#[test]
-fn the_citation_has_the_version_of_the_workspace() {
-    let (manifest, citation) = (read("Cargo.toml"), read("CITATION.cff"));
-    let version = quoted(&manifest, "\nversion = ")[0].to_owned();
-    assert!(citation.contains(&format!("\nversion: {version}\n")), "CITATION.cff is not of version {version}");
-    for entry in std::fs::read_dir(root().join("crates")).unwrap() {
-        let manifest = std::fs::read_to_string(entry.unwrap().path().join("Cargo.toml")).unwrap();
-        assert!(manifest.contains("version.workspace = true"), "a crate has a version of its own:\n{manifest}");
-    }
 }

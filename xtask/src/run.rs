@@ -89,8 +89,8 @@ impl Step {
     }
 
     /// The command, to run otherwise than by [`Step::run`].
-    pub fn into_command(self) -> Command {
-        self.0
+    pub fn command(&mut self) -> &mut Command {
+        &mut self.0
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::run::{Failure, Step, cannot_start, cargo, check, proxel, root, target_dir};
 use crate::summary::Summary;
-use crate::{dist, site};
+use crate::{checks, dist, packages, site};
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -29,6 +29,8 @@ pub fn test(full: bool) -> Result<(), Failure> {
         Ok(None) => site::build(&pages, Some(&dist::pictures())),
         _ => Ok(()),
     };
+    // What a version needs before it is published.
+    let release_end = if full { checks::licences(&[]).and_then(|()| packages::package(&[])) } else { Ok(()) };
     let (tests_end, summary) = run_tests(with_data(cargo(["test", "--workspace", "--no-fail-fast"])));
 
     let word = |end: &Result<(), Failure>| if end.is_ok() { "ok" } else { "FAILED" };
@@ -43,8 +45,11 @@ pub fn test(full: bool) -> Result<(), Failure> {
         Ok(Some(reason)) => println!("the Python package: skipped: {reason}"),
         Err(_) => println!("the Python package: FAILED"),
     }
+    if full {
+        println!("licences and packages: {}", word(&release_end));
+    }
     println!("{summary}: {}", word(&tests_end));
-    demo_end.and(examples_end).and(python_end.map(|_| ())).and(site_end).and(tests_end)
+    demo_end.and(examples_end).and(python_end.map(|_| ())).and(site_end).and(release_end).and(tests_end)
 }
 
 /// The examples of the facade, which assert what they say.
@@ -106,12 +111,12 @@ fn run_sample(dir: &Path, sample: &str) -> Result<(), Failure> {
 }
 
 /// Passes the output on while adding up the closing lines.
-fn run_tests(step: Step) -> (Result<(), Failure>, Summary) {
+fn run_tests(mut step: Step) -> (Result<(), Failure>, Summary) {
     let line = step.line();
     eprintln!("$ {line}");
     let mut summary = Summary::default();
     let end = (|| {
-        let mut child = step.into_command().stdout(Stdio::piped()).spawn().map_err(|e| cannot_start(&line, &e))?;
+        let mut child = step.command().stdout(Stdio::piped()).spawn().map_err(|e| cannot_start(&line, &e))?;
         if let Some(out) = child.stdout.take() {
             let mut here = std::io::stdout().lock();
             for bytes in BufReader::new(out).split(b'\n') {

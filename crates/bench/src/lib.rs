@@ -24,3 +24,9 @@ pub mod runs;
 pub mod table;
 
 pub use error::BenchError;
+
+/// The guide to contributing, whose new energy and new constraint are compiled and run as tests: here, since crates that are
+/// published have nothing from outside their folders.
+#[cfg(doctest)]
+#[doc = include_str!("../../../CONTRIBUTING.md")]
+struct Contributing;

@@ -11,8 +11,3 @@ pub mod points;
 pub mod pressure;
 pub mod solid;
 pub mod strain_limit;
-
-/// The guide to contributing, whose new energy is compiled and run as a test.
-#[cfg(doctest)]
-#[doc = include_str!("../../../CONTRIBUTING.md")]
-struct Contributing;

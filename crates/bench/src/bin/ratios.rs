@@ -1,7 +1,9 @@
-//! `ratios`: speed and memory as ratios within one run, beside their thresholds, as a Markdown table.
+//! `ratios`: speed and memory as ratios within one run, beside their thresholds, as a Markdown table and as JSON.
 
 use clap::Parser;
-use proxel_bench::ratios::{child, growth, measure, table};
+use proxel_bench::BenchError;
+use proxel_bench::ratios::{Machine, Results, child, fill_page, growth, measure, table};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Measures an iteration, its parts, decompositions and memory, taken in turns, and prints ratios beside their thresholds.
@@ -18,6 +20,12 @@ struct Arguments {
     /// Also solve the model with every tetrahedron in 8, and say how iterations and time grow (minutes)
     #[arg(long)]
     scale: bool,
+    /// Also write the rows, and what machine this is, as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Measure nothing: put the committed results, crates/bench/results/ratios.json, into docs/performance.md
+    #[arg(long, conflicts_with_all = ["only", "scale", "json"])]
+    page: bool,
     /// Solve and print peak bytes, factor bytes and tetrahedra: what the program runs as its own child
     #[arg(long, hide = true)]
     memory_child: bool,
@@ -28,14 +36,10 @@ fn main() -> ExitCode {
     let mut tell = |what: &str| eprintln!("{what}");
     let result = if arguments.memory_child {
         child()
+    } else if arguments.page {
+        fill_page()
     } else {
-        measure(usize::from(arguments.repeats), arguments.only.as_deref(), &mut tell).and_then(|rows| {
-            let mut text = table(&rows);
-            if arguments.scale {
-                text = format!("{text}\n{}", growth(&mut tell)?);
-            }
-            Ok(text)
-        })
+        measured(&arguments, &mut tell)
     };
     match result {
         Ok(text) => {
@@ -47,4 +51,17 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+fn measured(arguments: &Arguments, tell: &mut dyn FnMut(&str)) -> Result<String, BenchError> {
+    let (machine, repeats) = (Machine::here(), usize::from(arguments.repeats));
+    let rows = measure(repeats, arguments.only.as_deref(), tell)?;
+    let mut text = table(&rows);
+    if let Some(path) = &arguments.json {
+        Results::new(rows, repeats, machine).write(path)?;
+    }
+    if arguments.scale {
+        text = format!("{text}\n{}", growth(tell)?);
+    }
+    Ok(text)
 }

@@ -7,20 +7,23 @@ mod growth;
 mod images;
 mod iteration;
 mod memory;
+mod results;
 mod samples;
 mod solves;
 mod wires;
 
 pub use growth::growth;
 pub use memory::{CHILD, Footprint, child, footprint};
+pub use results::{Machine, Results, committed, fill_page, page};
 pub use samples::Samples;
 
 use crate::BenchError;
 use crate::parts::centaur_or_beam;
 use crate::table::Table;
+use serde::{Deserialize, Serialize};
 
 /// One line of the result.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// What was measured.
     pub quantity: String,
@@ -37,7 +40,8 @@ pub struct Row {
 }
 
 /// What a ratio is to be.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Threshold {
     /// No more than this.
     AtMost(f64),

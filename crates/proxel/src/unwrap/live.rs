@@ -236,6 +236,14 @@ impl Unwrapper {
     /// # Errors
     /// Charts that cannot be packed.
     pub fn map(&self) -> Result<UvMap, UnwrapError> {
+        Ok(self.placed()?.0)
+    }
+
+    /// The same, and the texels per unit of length where it was packed.
+    ///
+    /// # Errors
+    /// As [`map`](Self::map).
+    pub fn placed(&self) -> Result<(UvMap, Option<f64>), UnwrapError> {
         let uv: Vec<Vec<[f64; 2]>> = self.live.iter().map(Live::uv).collect();
         let laid: Vec<Laid<'_>> = uv
             .iter()
@@ -243,7 +251,13 @@ impl Unwrapper {
             .map(|(uv, live)| Laid { uv, area: live.unit * live.unit, held: !live.pins.is_empty() })
             .collect();
         let (mesh, charts, settings) = (&self.input.mesh, &self.charts, &self.settings);
-        Ok(self.pool.install(|| assemble::place(mesh, charts, &laid, settings))?.uv)
+        let placed = self.pool.install(|| assemble::place(mesh, charts, &laid, settings))?;
+        Ok((placed.uv, placed.density))
+    }
+
+    /// What it was built from, with the pins and seams of now.
+    pub fn input(&self) -> &UnwrapInput {
+        &self.input
     }
 
     /// The charts of the surface.

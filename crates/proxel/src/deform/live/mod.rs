@@ -214,6 +214,11 @@ impl Deformer {
         &self.input
     }
 
+    /// Whether it is a surface that a lattice of tetrahedra carries.
+    pub fn is_carried(&self) -> bool {
+        self.carrier.is_some()
+    }
+
     /// How it solves.
     pub fn settings(&self) -> &DeformSettings {
         &self.settings
