@@ -1,7 +1,8 @@
 //! Bounds on how far an image is from the best, against the best.
 
 use proxel_imaging::restore::{Data, Edges, Form, Iteration, Model, duality_gap};
-use proxel_imaging::{Image, Norm, Psf};
+use proxel_imaging::{Fourier, Grid, Image, Norm, Psf, convolve};
+use proxel_testkit::SplitMix;
 
 /// Edges, a ramp and what looks like noise, of so many channels.
 fn image(w: usize, h: usize, channels: usize) -> Image {
@@ -21,13 +22,15 @@ fn round() -> Psf {
     Psf::new(3, 3, vec![1.0, 2.0, 1.0, 2.0, 5.0, 2.0, 1.0, 2.0, 1.0], None).expect("a kernel")
 }
 
-/// (name, model, whether the bound over all images is to be found in the end)
+/// Name and model.
 fn models() -> Vec<(&'static str, Model)> {
     let one = image(22, 20, 1);
     let mut all = vec![
         ("periodic", Model::new(&one, blur(), Edges::Periodic, 40.0)),
         ("neumann", Model::new(&one, round(), Edges::Neumann, 40.0)),
         ("unknown", Model::new(&one, round(), Edges::Unknown, 40.0)),
+        ("unknown, uneven", Model::new(&one, blur(), Edges::Unknown, 40.0)),
+        ("unknown, three", Model::new(&image(22, 20, 3), blur(), Edges::Unknown, 40.0)),
         ("denoise", Model::new(&one, Psf::identity(), Edges::Neumann, 20.0)),
     ];
     let mut split = Model::new(&one, blur(), Edges::Periodic, 40.0);
@@ -39,6 +42,10 @@ fn models() -> Vec<(&'static str, Model)> {
     let mut huber = Model::new(&one, Psf::identity(), Edges::Neumann, 20.0);
     huber.data = Data::Huber { delta: 0.03 };
     all.push(("huber", huber));
+    let mut outliers = Model::new(&one, blur(), Edges::Unknown, 20.0);
+    outliers.data = Data::Huber { delta: 0.03 };
+    outliers.norm = Norm::Differences;
+    all.push(("huber, unknown", outliers));
     for (name, norm) in
         [("vectorial", Norm::Vectorial), ("channels", Norm::Channels), ("anisotropic", Norm::Differences)]
     {
@@ -83,9 +90,79 @@ fn no_gap_is_smaller_than_what_is_missing() {
 /// one within a range says nothing.
 #[test]
 fn where_data_and_gradient_are_all_no_range_is_needed() {
-    for (name, model) in models() {
+    let whole = |model: &Model| model.edges != Edges::Unknown && model.mask.is_none();
+    for (name, model) in models().into_iter().filter(|(_, model)| whole(model)) {
         let (_, gaps) = run(&model, 300);
         assert!(gaps.iter().any(|(.., all)| *all), "{name}: {gaps:?}");
+    }
+}
+
+/// Nothing of the field that was made larger is left in what is minimised: sums over what was seen and over the pixels that it
+/// depends on, written out.
+#[test]
+fn an_unknown_border_is_one_that_nothing_lies_beyond() {
+    for (channels, lambda) in [(1, 40.0), (3, 7.0)] {
+        let (psf, seen) = (blur(), image(22, 20, channels));
+        let model = Model::new(&seen, psf.clone(), Edges::Unknown, lambda);
+        let built = model.build(None).expect("a problem");
+        let field = built.field.clone();
+        let mut method = built.method("x", Iteration::Admm { relaxation: 1.8 }).expect("a method");
+        for _ in 0..17 {
+            method.step().expect("a step");
+        }
+        let (w, h) = (22 + psf.width - 1, 20 + psf.height - 1);
+        assert!(field.grid.width > w && field.grid.height > h);
+        let x = |i: usize, c: usize, j: usize| method.x()[(i * channels + c) * field.grid.width + j];
+        let mut want = 0.0;
+        for (i, j) in (0..20).flat_map(|i| (0..22).map(move |j| (i, j))) {
+            for c in 0..channels {
+                // Weight (a, b) of the function takes the pixel that lies as far on the other side of its centre.
+                let taps = (0..psf.height).flat_map(|a| (0..psf.width).map(move |b| (a, b)));
+                let at = |a: usize, b: usize| x(i + psf.height - 1 - a, c, j + psf.width - 1 - b);
+                let y: f64 = taps.map(|(a, b)| psf.weights[a * psf.width + b] * at(a, b)).sum();
+                want += lambda * (y - seen.channels[c][i * 22 + j]).powi(2);
+            }
+        }
+        for (i, j) in (0..h - 1).flat_map(|i| (0..w - 1).map(move |j| (i, j))) {
+            let square = |c: usize| (x(i, c, j + 1) - x(i, c, j)).powi(2) + (x(i + 1, c, j) - x(i, c, j)).powi(2);
+            want += (0..channels).map(square).sum::<f64>().sqrt();
+        }
+        let got = method.energy().value;
+        assert!((got - want).abs() < 1e-10 * want, "{got} and {want}");
+    }
+}
+
+/// Counts, of a picture with edges, a ramp and texture: blurred, noisy, nothing known beyond its border.
+#[test]
+fn an_unknown_border_takes_few_hundred_iterations() {
+    let (psf, n) = (Psf::gaussian(1.6).expect("a kernel"), 110);
+    let fourier = Fourier::new(n, n);
+    let truth = image(n, n, 1);
+    let disk = |k: usize| f64::from(u8::from((k / n).abs_diff(60).pow(2) + (k % n).abs_diff(50).pow(2) < 700));
+    let sharp: Vec<f64> = (0..n * n).map(|k| truth.channels[0][k] + 0.3 * disk(k)).collect();
+    let mut blurred = vec![0.0; n * n];
+    convolve(Grid::new(n, n), &fourier, &psf.spectrum(&fourier), false, &sharp, &mut blurred);
+    let mut random = SplitMix::new(5);
+    let seen: Vec<f64> = blurred.iter().map(|v| v + 0.01 * random.normal()).collect();
+    // Cut off where it wraps around.
+    let inner = (8..n - 8).flat_map(|i| seen[i * n + 8..(i + 1) * n - 8].to_vec()).collect();
+    let seen = Image::new(n - 16, n - 16, vec![inner]).expect("an image");
+    for (lambda, most) in [(100.0, 600), (400.0, 400), (1600.0, 400)] {
+        let built = Model::new(&seen, psf.clone(), Edges::Unknown, lambda).build(None).expect("a problem");
+        let field = built.field.clone();
+        let mut method = built.method("x", Iteration::Admm { relaxation: 1.8 }).expect("a method");
+        let mut k = 0;
+        loop {
+            for _ in 0..20 {
+                method.step().expect("a step");
+            }
+            k += 20;
+            let gap = duality_gap(method.as_mut(), &field).expect("no hard sets");
+            if gap.relative() <= 1e-4 {
+                break;
+            }
+            assert!(k < most, "lambda {lambda}: {} after {k}", gap.relative());
+        }
     }
 }
 

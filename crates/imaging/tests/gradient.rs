@@ -1,6 +1,6 @@
 //! The gradient of an image as a term, against loops over pixels.
 
-use proxel_imaging::{Boundary, GradientTerm, Grid, Norm, Pointwise, TotalVariation};
+use proxel_imaging::{Boundary, GradientTerm, Grid, Norm, Pointwise, TotalVariation, Window};
 use proxel_split::{Cycle, Order, Term};
 use proxel_testkit::random::SplitMix;
 
@@ -114,7 +114,7 @@ fn a_pull_is_the_gradient_at_the_origin() {
 #[test]
 fn the_prox_is_the_minimiser() {
     let mut random = SplitMix::new(7);
-    let by_channel = TotalVariation { lambda: 0.7, norm: Norm::Channels };
+    let by_channel = TotalVariation { lambda: 0.7, norm: Norm::Channels, within: None };
     for of in [TotalVariation::isotropic(0.7), TotalVariation::anisotropic(0.7), by_channel] {
         for planes in [2, 4, 6] {
             let n = 9;
@@ -153,4 +153,36 @@ fn a_step_has_the_same_bits_on_any_number_of_threads() {
         })
     };
     assert_eq!(run(1), run(3));
+}
+
+/// What does not count is left as it is, has no value, and bears no force; what does is shrunk as it is elsewhere.
+#[test]
+fn only_a_window_counts() {
+    let window = Window { width: 7, rows: [1, 3], columns: [2, 5] };
+    let mut random = SplitMix::new(8);
+    for norm in [Norm::Vectorial, Norm::Channels, Norm::Differences, Norm::Triples] {
+        let all = TotalVariation { lambda: 0.7, norm, within: None };
+        let part = TotalVariation { within: Some(window), ..all };
+        for row in 0..4 {
+            let pixels = || row * 7..(row + 1) * 7;
+            let v: Vec<f64> = (0..6 * 7).map(|_| random.uniform(-1.0, 1.0)).collect();
+            let inside = |k: usize| (1..3).contains(&row) && (2..5).contains(&(k % 7));
+            let kept: Vec<f64> = v.iter().enumerate().map(|(k, v)| if inside(k) { *v } else { 0.0 }).collect();
+            let (mut whole, mut some) = (kept.clone(), v.clone());
+            let (value, of_part) = (all.prox(pixels(), &mut whole, 2.0), part.prox(pixels(), &mut some, 2.0));
+            assert!((value - of_part).abs() < 1e-13);
+            for k in 0..v.len() {
+                let want = if inside(k) { whole[k] } else { v[k] };
+                assert!((some[k] - want).abs() < 1e-14, "{norm:?}, row {row}, number {k}: {} and {want}", some[k]);
+                assert_eq!(window.contains(row * 7 + k % 7), inside(k));
+            }
+            assert!((part.value(pixels(), &v) - all.value(pixels(), &kept)).abs() < 1e-13);
+            let (mut slopes, mut of_kept) = (v.clone(), kept.clone());
+            part.gradient(pixels(), &mut slopes);
+            all.gradient(pixels(), &mut of_kept);
+            assert_eq!(slopes, of_kept);
+            assert_eq!(part.gauge(pixels(), &v), Some(f64::INFINITY));
+            assert_eq!(part.gauge(pixels(), &kept), all.gauge(pixels(), &kept));
+        }
+    }
 }

@@ -13,7 +13,7 @@ mod total_variation;
 pub use data::{Interval, Observed, Squares};
 pub use huber::Huber;
 pub use poisson::Poisson;
-pub use total_variation::{Norm, TotalVariation};
+pub use total_variation::{Norm, TotalVariation, Window};
 
 /// g(z) = sum over pixels of a function of the pixel's numbers: a penalty, a data term, or the indicator of a set.
 ///

@@ -18,26 +18,53 @@ pub enum Norm {
     Differences,
 }
 
+/// A part of a field, from a first row and column to before a last one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Columns of the whole field.
+    pub width: usize,
+    /// First row, and the one behind the last.
+    pub rows: [usize; 2],
+    /// First column, and the one behind the last; at most `width`.
+    pub columns: [usize; 2],
+}
+
+impl Window {
+    /// Whether this pixel, counted row by row, lies in it.
+    pub fn contains(&self, pixel: usize) -> bool {
+        let (row, column) = (pixel / self.width.max(1), pixel % self.width.max(1));
+        (self.rows[0]..self.rows[1]).contains(&row) && (self.columns[0]..self.columns[1]).contains(&column)
+    }
+
+    /// Columns of it in the row that begins with this pixel.
+    fn of_row(&self, pixel: usize) -> Range<usize> {
+        let row = pixel / self.width.max(1);
+        if (self.rows[0]..self.rows[1]).contains(&row) { self.columns[0]..self.columns[1] } else { 0..0 }
+    }
+}
+
 /// g(z) = lambda sum over pixels of a norm of the pixel's differences z: total variation as in A(31).
 ///
-/// The prox shrinks what counts together: z = v max(0, 1 - (lambda/weight2)/|v|).
+/// The prox shrinks what counts together: z = v max(0, 1 - (lambda/weight2)/|v|), and leaves what does not count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TotalVariation {
     /// lambda
     pub lambda: f64,
     /// Which differences count together.
     pub norm: Norm,
+    /// Which pixels count; all of them where there is none.
+    pub within: Option<Window>,
 }
 
 impl TotalVariation {
     /// All differences of a pixel together.
     pub fn isotropic(lambda: f64) -> Self {
-        TotalVariation { lambda, norm: Norm::Vectorial }
+        TotalVariation { lambda, norm: Norm::Vectorial, within: None }
     }
 
     /// Each difference by itself.
     pub fn anisotropic(lambda: f64) -> Self {
-        TotalVariation { lambda, norm: Norm::Differences }
+        TotalVariation { lambda, norm: Norm::Differences, within: None }
     }
 
     /// Planes of numbers that count together, of so many.
@@ -49,6 +76,31 @@ impl TotalVariation {
             Norm::Differences => 1,
         }
     }
+
+    /// |z| of each group of a row's pixels that counts.
+    pub(crate) fn sizes(&self, pixels: &Range<usize>, z: &[f64], sizes: &mut Vec<f64>) {
+        let (n, counted) = (pixels.len().max(1), self.counted(pixels));
+        for z in z.chunks((self.group(z.len() / n) * n).max(1)) {
+            sizes.extend(counted.clone().map(|i| norm(z, n, i)));
+        }
+    }
+
+    /// 0 in a row's pixels that do not count.
+    pub(crate) fn clear_others(&self, pixels: &Range<usize>, z: &mut [f64]) {
+        let (n, counted) = (pixels.len().max(1), self.counted(pixels));
+        for plane in z.chunks_mut(n) {
+            plane[..counted.start].fill(0.0);
+            plane[counted.end..].fill(0.0);
+        }
+    }
+
+    /// Those of a row's pixels that count.
+    fn counted(&self, pixels: &Range<usize>) -> Range<usize> {
+        self.within.map_or(0..pixels.len(), |window| {
+            let columns = window.of_row(pixels.start);
+            columns.start.min(pixels.len())..columns.end.min(pixels.len())
+        })
+    }
 }
 
 /// 1 - t/r where r > t, else 0; r = 0 gives 0. `max` drops the NaN of 0/0.
@@ -56,15 +108,15 @@ fn shrinkage(r: f64, t: f64) -> f64 {
     (1.0 - t / r).max(0.0)
 }
 
-/// Shrinks one group of planes; returns the sum of norms after.
-fn shrink(v: &mut [f64], n: usize, t: f64) -> f64 {
+/// Shrinks one group of planes at these pixels; returns the sum of norms after.
+fn shrink(v: &mut [f64], n: usize, counted: Range<usize>, t: f64) -> f64 {
     if v.len() == 2 * n {
         let (a, b) = v.split_at_mut(n);
-        return dispatch(ShrinkPairs { a, b, t });
+        return dispatch(ShrinkPairs { a: &mut a[counted.clone()], b: &mut b[counted], t });
     }
     // Four sums, so that a sum does not wait for the one before.
     let mut sums = [0.0; 4];
-    for i in 0..n {
+    for i in counted {
         let r = norm(v, n, i);
         let s = shrinkage(r, t);
         v.iter_mut().skip(i).step_by(n).for_each(|z| *z *= s);
@@ -118,20 +170,21 @@ impl Kernel for ShrinkPairs<'_> {
 impl Pointwise for TotalVariation {
     fn prox(&self, pixels: Range<usize>, v: &mut [f64], weight2: f64) -> f64 {
         let (t, n) = (self.lambda / weight2, pixels.len().max(1));
-        let group = self.group(v.len() / n);
-        self.lambda * v.chunks_mut((group * n).max(1)).map(|v| shrink(v, n, t)).sum::<f64>()
+        let (group, counted) = (self.group(v.len() / n), self.counted(&pixels));
+        self.lambda * v.chunks_mut((group * n).max(1)).map(|v| shrink(v, n, counted.clone(), t)).sum::<f64>()
     }
 
     fn value(&self, pixels: Range<usize>, z: &[f64]) -> f64 {
         let n = pixels.len().max(1);
-        let group = self.group(z.len() / n);
+        let (group, counted) = (self.group(z.len() / n), self.counted(&pixels));
         let mut sums = [0.0; 4];
         for z in z.chunks((group * n).max(1)) {
             if z.len() == 2 * n {
                 let (a, b) = z.split_at(n);
+                let (a, b) = (&a[counted.clone()], &b[counted.clone()]);
                 a.iter().zip(b).enumerate().for_each(|(i, (a, b))| sums[i % 4] += (a * a + b * b).sqrt());
             } else {
-                (0..n).for_each(|i| sums[i % 4] += norm(z, n, i));
+                counted.clone().for_each(|i| sums[i % 4] += norm(z, n, i));
             }
         }
         self.lambda * ((sums[0] + sums[1]) + (sums[2] + sums[3]))
@@ -139,11 +192,11 @@ impl Pointwise for TotalVariation {
 
     fn gradient(&self, pixels: Range<usize>, z: &mut [f64]) {
         let n = pixels.len().max(1);
-        let group = self.group(z.len() / n);
+        let (group, counted) = (self.group(z.len() / n), self.counted(&pixels));
         for z in z.chunks_mut((group * n).max(1)) {
             for i in 0..n {
                 let r = norm(z, n, i);
-                let s = if r > 0.0 { self.lambda / r } else { 0.0 };
+                let s = if r > 0.0 && counted.contains(&i) { self.lambda / r } else { 0.0 };
                 z.iter_mut().skip(i).step_by(n).for_each(|z| *z *= s);
             }
         }
@@ -153,10 +206,14 @@ impl Pointwise for TotalVariation {
         self.lambda
     }
 
-    /// The largest |q| of a group over lambda.
+    /// The largest |q| of a group over lambda; infinite where there are forces on what does not count.
     fn gauge(&self, pixels: Range<usize>, q: &[f64]) -> Option<f64> {
         let n = pixels.len().max(1);
-        let group = self.group(q.len() / n);
+        let (group, counted) = (self.group(q.len() / n), self.counted(&pixels));
+        let forced = |i: usize| q.iter().skip(i).step_by(n).any(|q| *q != 0.0);
+        if (0..counted.start).chain(counted.end..n).any(forced) {
+            return Some(f64::INFINITY);
+        }
         let largest = |q: &[f64]| -> f64 {
             if q.len() == 2 * n {
                 let (a, b) = q.split_at(n);

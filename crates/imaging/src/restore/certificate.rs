@@ -1,7 +1,7 @@
 //! How far an image is from the best, proven.
 
 use super::Field;
-use super::dual_point::lower_bound;
+use super::dual_point;
 use proxel_split::{Method, Splitting, vector};
 use rayon::prelude::*;
 
@@ -40,8 +40,9 @@ impl Gap {
 ///
 /// Where there are slopes they are bounded in the same way, by a range of their own.
 ///
-/// That bound counts every residual against the whole range. Where data and gradient are all that there is, another one
-/// moves the forces to where they balance, which needs no range, and the smaller gap of the two is the result.
+/// That bound counts every residual against the whole range. Where data and gradient are all that there is, others
+/// move the forces to where they balance: exactly, which needs no range, or nearly where the border is unknown or pixels were not
+/// measured. The smallest gap is the result.
 ///
 /// None where the method splits nothing, or a term is a hard set.
 pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
@@ -78,9 +79,10 @@ pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
     }
     let within = Gap { objective, gap, range: Some(range) };
     residual[..n].par_iter_mut().for_each(|r| *r = -*r);
-    let bound = lower_bound(problem, x, u, &residual[..n], field);
-    let over_all = bound.map(|bound| Gap { objective, gap: objective - bound, range: None });
-    Some(over_all.filter(|all| all.gap <= within.gap).unwrap_or(within))
+    let bounds = dual_point::lower_bounds(problem, x, u, &residual[..n], field, range);
+    let others = bounds.into_iter().map(|(bound, range)| Gap { objective, gap: objective - bound, range });
+    // The least; where two are equal the one that says more.
+    Some(others.fold(within, |least, gap| if gap.gap <= least.gap { gap } else { least }))
 }
 
 /// The range of some numbers and of another range, made wider by its width on each side.

@@ -1,48 +1,81 @@
 //! A point at which the dual of a restoration is finite, near the forces of the splitting.
 
-use super::Field;
+use super::{Field, balance};
 use proxel_split::{Problem, vector};
 
 /// Squared gains of the blur below which a frequency counts as one that it takes away.
 const FLOOR: f64 = 1e-6;
 
-/// A lower bound of the objective over all images: the dual objective
+/// Lower bounds of the objective, each over all images or over those with values within a range; those that there are.
 ///
-/// ```text
-/// -G*(q_y) over forces |q| <= 1, q_y with D^T q + K^T q_y = 0
-/// ```
-///
-/// G the data term, q and q_y the forces on grad x and on y = K x. Those of the splitting leave D^T q + K^T q_y = r, which
-/// vanishes as it converges. First q_y takes over what of r the blur lets through, at pixels that were measured, and the mean:
-/// r - K^T e. What is left is D^T w with the least w = D psi, (D^T D) psi = r - K^T e. Then q - w, q_y - e balance exactly, and
-/// are divided by the largest |q - w| where that is over 1, which keeps the balance. That costs transforms of three fields there
-/// and back, of one more where the data are held. The bound is off the optimum by squares of what q_y has taken over, and by the
-/// largest of w.
-///
-/// `x` are the nodes, `u` the duals of the terms, `r` is over the nodes of x. None where a term does not know its conjugate, or
-/// slopes are unknowns too.
-pub(super) fn lower_bound(problem: &mut Problem, x: &[f64], u: &[Vec<f64>], r: &[f64], field: &Field) -> Option<f64> {
-    let (grid, n) = (field.grid, field.grid.len());
-    if field.slopes {
-        return None;
+/// `x` are the nodes, `u` the duals of the terms, `r` is D^T q + K^T q_y over the nodes of x, for the forces q on grad x and q_y on
+/// y = K x. None where a term does not know its conjugate, or slopes are unknowns too.
+pub(super) fn lower_bounds(
+    problem: &mut Problem,
+    x: &[f64],
+    u: &[Vec<f64>],
+    r: &[f64],
+    field: &Field,
+    range: [f64; 2],
+) -> Vec<(f64, Option<[f64; 2]>)> {
+    let mut bounds = Vec::new();
+    let Some((q, q_y)) = forces(problem, x, u, field) else { return bounds };
+    let whole = field.held.is_some() || field.measured.iter().all(|measured| *measured);
+    if !whole && let Some(bound) = balance::lower_bound(problem, (&q, &q_y), r, field, range) {
+        bounds.push((bound, Some(range)));
     }
-    let forces = |problem: &Problem, t: usize| -> Option<Vec<f64>> {
+    // Where the border is unknown, not all differences count, and no transform makes those that do diagonal.
+    if field.reach.is_none()
+        && let Some(bound) = exactly_balanced(problem, q, q_y, r, field)
+    {
+        bounds.push((bound, None));
+    }
+    bounds
+}
+
+/// The forces on grad x and on K x.
+fn forces(problem: &Problem, x: &[f64], u: &[Vec<f64>], field: &Field) -> Option<(Vec<f64>, Vec<f64>)> {
+    let (grid, n) = (field.grid, field.grid.len());
+    field.variation?;
+    let of = |t: usize| -> Option<Vec<f64>> {
         let (term, u) = (problem.terms.get(t)?, u.get(t)?);
         let mut forces = vec![0.0; u.len()];
         term.local_weights2(&mut forces);
         forces.iter_mut().zip(u).for_each(|(q, u)| *q *= u);
         Some(forces)
     };
-    let mut q = forces(problem, 0)?;
-    let mut q_y = match &field.held {
+    let q_y = match &field.held {
         Some(data) => {
             let mut y = vec![0.0; n];
             field.blur.apply(grid, false, &x[..n], &mut y);
             y.iter_mut().zip(data.observed()).for_each(|(y, f)| *y = 2.0 * data.lambda() * (*y - f));
             y
         }
-        None => forces(problem, 1)?,
+        None => of(1)?,
     };
+    Some((of(0)?, q_y))
+}
+
+/// A lower bound over all images: the dual objective
+///
+/// ```text
+/// -G*(q_y) over forces |q| <= 1, q_y with D^T q + K^T q_y = 0
+/// ```
+///
+/// G the data term. Those of the splitting leave r, which vanishes as it converges. First q_y takes over what of r the blur lets
+/// through, at pixels that were measured, and the mean:
+/// r - K^T e. What is left is D^T w with the least w = D psi, (D^T D) psi = r - K^T e. Then q - w, q_y - e balance exactly, and
+/// are divided by the largest |q - w| where that is over 1, which keeps the balance. That costs transforms of three fields there
+/// and back, of one more where the data are held. The bound is off the optimum by squares of what q_y has taken over, and by the
+/// largest of w.
+fn exactly_balanced(
+    problem: &mut Problem,
+    mut q: Vec<f64>,
+    mut q_y: Vec<f64>,
+    r: &[f64],
+    field: &Field,
+) -> Option<f64> {
+    let grid = field.grid;
     let measured = |k: usize| field.measured.get(k).copied().unwrap_or(true);
     let mut e = field.blur.explain(grid, r, FLOOR);
     e.iter_mut().enumerate().filter(|(k, _)| !measured(*k)).for_each(|(_, e)| *e = 0.0);

@@ -1,7 +1,7 @@
 //! The field that is solved for, and what is seen of it.
 
 use super::Edges;
-use crate::{Blur, BlurredSquares, Boundary, Grid, ImageError, Psf};
+use crate::{Blur, BlurredSquares, Boundary, Grid, ImageError, Psf, TotalVariation, Window};
 use std::sync::Arc;
 
 /// The field that is solved for, and where the image lies in it.
@@ -25,6 +25,10 @@ pub struct Field {
     pub slopes: bool,
     /// The data term, where the global step holds it.
     pub held: Option<BlurredSquares>,
+    /// Rows and columns, from the first on, that what was seen depends on; none where the border is known.
+    pub reach: Option<[usize; 2]>,
+    /// Total variation of it, where that is what is asked of an image.
+    pub variation: Option<TotalVariation>,
     /// Which nodes of the blurred field were measured, where the data term is one of the problem's.
     pub measured: Arc<Vec<bool>>,
 }
@@ -70,6 +74,8 @@ impl Field {
             carries: false,
             slopes: false,
             held: None,
+            reach: (edges == Edges::Unknown).then_some([height + psf.height - 1, width + psf.width - 1]),
+            variation: None,
             measured: Arc::default(),
         })
     }
@@ -77,6 +83,15 @@ impl Field {
     /// The first node of the slopes, where there are some.
     pub fn first_slope(&self) -> Option<usize> {
         self.slopes.then(|| self.grid.len() * if self.carries { 2 } else { 1 })
+    }
+
+    /// The pixels whose differences to the next ones, or to those before where `backward`, lie in what was seen: what is further
+    /// away has nothing to do with the image, nor has its other side. None where all count.
+    pub(super) fn window(&self, backward: bool) -> Option<Window> {
+        self.reach.map(|[rows, columns]| {
+            let span = |n: usize| [usize::from(backward), n.saturating_sub(1).max(usize::from(backward))];
+            Window { width: self.grid.width, rows: span(rows), columns: span(columns) }
+        })
     }
 
     /// The node of a pixel of the image.

@@ -8,6 +8,7 @@
 //! the place of the square ([`Data`]). [`Model`] says what is known, [`Restoration`] is the problem and the global step made
 //! of it.
 
+mod balance;
 mod certificate;
 mod dual_point;
 mod field;

@@ -41,6 +41,8 @@ pub struct Model {
     pub form: Form,
     /// 5.5 over the standard deviation of the image, by which penalties are chosen: see [`natural_penalty`].
     pub natural: f64,
+    /// 1 over the root mean square of the steps between neighbours, likewise.
+    pub steep: f64,
     /// Penalty rho, the squared weight of the gradient term; by [`Model::penalties`] if none.
     pub penalty: Option<f64>,
     /// That of the data term where it is split, and of the range; likewise.
@@ -71,6 +73,7 @@ impl Model {
             range: None,
             form: Form::Auto,
             natural: natural_penalty(&image.channels),
+            steep: steepness(image),
             penalty: None,
             data_penalty: None,
         }
@@ -168,19 +171,20 @@ impl Model {
         let observed = field.embed(&planes, 0.0);
         let (grid, n) = (field.grid, field.grid.len());
         let (penalty, data_penalty) = self.penalties();
-        let tv = TotalVariation { lambda: 1.0, norm: self.norm };
+        let tv = TotalVariation { lambda: 1.0, norm: self.norm, within: field.window(false) };
         let mut terms: Vec<Box<dyn Term>> = Vec::new();
         let mut symbols = Vec::new();
         if let Regulariser::Tgv { ratio } = self.regulariser {
             let slopes = n * if field.carries { 2 } else { 1 };
             let norm = if self.norm == Norm::Channels { Norm::Triples } else { self.norm };
-            let bent = TotalVariation { lambda: ratio, norm };
+            let bent = TotalVariation { lambda: ratio, norm, within: field.window(true) };
             terms.push(Box::new(StencilTerm::new(grid, Slopes { slopes }, tv, penalty)));
             terms.push(Box::new(StencilTerm::new(grid, Bends { slopes }, bent, BEND * penalty)));
             field.slopes = true;
         } else {
             terms.push(Box::new(GradientTerm::new(grid, field.blur.boundary(), 0, tv, penalty)));
             symbols.push(Symbol::Laplacian);
+            field.variation = Some(tv);
         }
         let mut quadratic = Quadratic::default();
         let mut data = None;
@@ -238,20 +242,22 @@ impl Model {
         if self.scale == 1 { Ok(self.psf.clone()) } else { self.psf.averaged(self.scale) }
     }
 
-    /// The penalties of the gradient term and of the data term, where they are not given: with rho_0 = [`Model::natural`],
+    /// The penalties of the gradient term and of the data term, where they are not given: with rho_0 = [`Model::natural`] and
+    /// rho_1 = 0.8 [`Model::steep`],
     ///
     /// ```text
     /// no blur, every pixel measured    4 rho_0
     /// no blur, gaps                    rho_0,      max(rho_0 / 2, sqrt(rho_0 lambda) / 10)
     /// a blur, held                     rho_0
-    /// a blur, split                    rho_0 / 2,  sqrt(rho_0 lambda) / 10
+    /// a blur, split                    rho_1,      0.23 sqrt(rho_1 lambda)
+    /// a blur and a finer image         rho_0 / 2,  sqrt(rho_0 lambda) / 10
     /// ```
     ///
     /// Found by counting iterations to a gap of 1e-4 over lambda from 20 to 10^4. A penalty of the data term holds back what
     /// was not measured too, gaps and what lies beyond the border: it may not grow with lambda as the data term's own
     /// curvature does.
     pub fn penalties(&self) -> (f64, f64) {
-        let natural = self.natural;
+        let (natural, steep) = (self.natural, 0.8 * self.steep);
         let mean = || {
             let n: usize = self.channels.iter().map(Vec::len).sum();
             self.channels.iter().flatten().sum::<f64>() / n.max(1) as f64
@@ -265,6 +271,7 @@ impl Model {
         let blurs = self.psf.weights.len() > 1 || self.scale > 1;
         let (gradient, data) = match () {
             () if blurs && self.holds() => (natural, data),
+            () if blurs && self.scale == 1 => (steep, 0.23 * (steep * lambda).sqrt()),
             () if blurs => (0.5 * natural, data),
             () if self.holds() => (4.0 * natural, data),
             () => (natural, data.max(0.5 * natural)),
@@ -294,6 +301,23 @@ pub fn natural_penalty(channels: &[Vec<f64>]) -> f64 {
     let size = channels.iter().flatten().fold(0.0f64, |size, v| size.max(v.abs()));
     let typical = if deviation > 0.0 { deviation } else { size };
     if typical > 0.0 { STEPS / typical } else { 1.0 }
+}
+
+/// 1 over the root mean square of the steps between neighbours. As a threshold of the gradient they are what a blurred image is
+/// made of; that of its contrast is too small for fine texture.
+fn steepness(image: &Image) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for plane in &image.channels {
+        let mut add = |a: f64, b: f64| {
+            sum += (a - b) * (a - b);
+            count += 1;
+        };
+        plane.chunks(image.width.max(1)).for_each(|row| row.windows(2).for_each(|w| add(w[0], w[1])));
+        plane.iter().zip(plane.iter().skip(image.width)).for_each(|(a, b)| add(*a, *b));
+    }
+    // Of both directions, as a gradient has them.
+    let step = (2.0 * sum / count.max(1) as f64).sqrt();
+    if step > 0.0 { 1.0 / step } else { natural_penalty(&image.channels) }
 }
 
 /// The global step of a field, with a data term that it holds or none.

@@ -122,6 +122,39 @@ impl Blur {
         to
     }
 
+    /// out <- (D^T D + K^T K)^-1 r, D the differences of the border: all of them and all data, so that it comes near what is left
+    /// when some do not count.
+    pub fn precondition(&self, grid: Grid, r: &[f64], out: &mut [f64]) {
+        match self {
+            Blur::Periodic { fourier, kernel } => {
+                let (h, w, scale) = (fourier.height(), fourier.width(), 1.0 / grid.n_pixels() as f64);
+                let (mut from, mut work) = (r.to_vec(), Spectra::default());
+                let part = |k: usize, n: usize| 4.0 * (PI * k as f64 / n as f64).sin().powi(2);
+                let down: Vec<f64> = (0..h).map(|i| part(i, h)).collect();
+                for channel in 0..grid.channels {
+                    fourier.filter(&mut from, out, &[super::channel(grid, 0, channel)], &mut work, |column| {
+                        let (along, kernel) = (part(column.j, w), &kernel[column.j * h..(column.j + 1) * h]);
+                        let [field] = column.fields;
+                        for ((v, k), s) in field.iter_mut().zip(kernel).zip(&down) {
+                            *v *= scale / (s + along + k.norm_sqr());
+                        }
+                        0.0
+                    });
+                }
+            }
+            Blur::Neumann { cosine, kernel } => {
+                let mut work = CosineSpectra::default();
+                for channel in 0..grid.channels {
+                    let of = |i: usize, j: usize, [v]: [f64; 1]| {
+                        let k = kernel[i * grid.width + j];
+                        [v / (cosine.laplacian(i, j) + k * k)]
+                    };
+                    cosine.filter(r, out, &[super::channel(grid, 0, channel)], &mut work, of);
+                }
+            }
+        }
+    }
+
     /// out <- K x, or K^T x, over a grid of that size.
     pub fn apply(&self, grid: Grid, adjoint: bool, x: &[f64], out: &mut [f64]) {
         match self {

@@ -1,28 +1,18 @@
 //! The gradient of an image, and functions of it.
 
+use super::differences::{Differences, rows};
 use super::pass::{Sums, begin};
 use crate::{Boundary, Grid, Pointwise};
-use proxel_linalg::simd::{Isa, Kernel, dispatch};
 use proxel_linalg::sparse::SymPattern;
 use proxel_split::{Cycle, DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term, Weight, vector};
 use rayon::prelude::*;
 
-/// g(grad x): D takes forward differences,
-///
-/// ```text
-/// (grad x)_ij = (x_i,j+1 - x_ij, x_i+1,j - x_ij)
-/// ```
-///
-/// which wrap around for [`Boundary::Periodic`] and are 0 across the border for [`Boundary::Neumann`]. One weight w^2 for all
-/// pixels, the penalty mu of A.
-///
-/// Local vectors are laid out row by row; in each row plane by plane, of each channel the differences along the row and then
-/// those along the column: a row's part has `2 * channels` planes of `width` numbers, as [`Pointwise`] takes them.
+/// g(grad x): D takes forward differences ([`Differences`]), in planes as [`Pointwise`] takes them. One weight w^2 for all pixels,
+/// the penalty mu of A.
 ///
 /// Memory: x once, p and u twice each, read and written; a local step touches 80 bytes a pixel and channel, `pull_step` 72.
 pub struct GradientTerm<P> {
-    grid: Grid,
-    boundary: Boundary,
+    of_field: Differences,
     first: usize, // node of pixel 0
     of: P,
     weight: Weight,
@@ -35,8 +25,7 @@ impl<P: Pointwise> GradientTerm<P> {
     pub fn new(grid: Grid, boundary: Boundary, first: usize, of: P, weight2: f64) -> Self {
         let tasks = grid.height.div_ceil(grid.task_rows());
         GradientTerm {
-            grid,
-            boundary,
+            of_field: Differences { grid, boundary },
             first,
             of,
             weight: Weight::new(weight2),
@@ -57,57 +46,15 @@ impl<P: Pointwise> GradientTerm<P> {
 
     /// Numbers of a row's part of a local vector.
     fn local_row(&self) -> usize {
-        2 * self.grid.row_len()
+        self.of_field.local_row()
+    }
+
+    fn nodes(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.of_field.grid.len()
     }
 
     fn field<'x>(&self, x: &'x [f64]) -> &'x [f64] {
-        &x[self.first..self.first + self.grid.len()]
-    }
-
-    /// The differences of a row.
-    fn differences(&self, field: &[f64], row: usize, out: &mut [f64]) {
-        differences(self.grid, self.boundary, field, row, out);
-    }
-
-    /// out += scale D^T p in a row, from that row of p and the one above, of which there is none at a border without another
-    /// side.
-    fn gather(&self, scale: f64, here: &[f64], above: Option<&[f64]>, last: bool, out: &mut [f64]) {
-        let w = self.grid.width;
-        let periodic = self.boundary == Boundary::Periodic;
-        for c in 0..self.grid.channels {
-            let (along, down) = (&here[2 * c * w..(2 * c + 1) * w], &here[(2 * c + 1) * w..(2 * c + 2) * w]);
-            let out = &mut out[c * w..(c + 1) * w];
-            let Some(end) = w.checked_sub(1) else { continue };
-            // Below the last row of a field that mirrors there is no difference.
-            let down = (periodic || !last).then_some(down);
-            let above = above.map(|above| &above[(2 * c + 1) * w..(2 * c + 2) * w]);
-            let first = if periodic {
-                along[end] - along[0]
-            } else {
-                // At the end of the row there is no difference, so that what stands in p there means nothing.
-                out[end] += scale * if end > 0 { along[end] } else { 0.0 };
-                if end > 0 { -along[0] } else { 0.0 }
-            };
-            dispatch(Gather { scale, first, along, down, above, out });
-        }
-    }
-
-    /// out += scale D^T p over the whole field.
-    fn add_adjoint(&self, scale: f64, p: &[f64], out: &mut [f64]) {
-        let (grid, local) = (self.grid, self.local_row());
-        let out = &mut out[self.first..self.first + grid.len()];
-        out.par_chunks_mut(grid.row_len()).enumerate().with_min_len(grid.task_rows()).for_each(|(row, out)| {
-            self.gather(scale, rows(p, local, row), self.above(p, row), row + 1 == grid.height, out);
-        });
-    }
-
-    /// The row of p above.
-    fn above<'p>(&self, p: &'p [f64], row: usize) -> Option<&'p [f64]> {
-        match (row, self.boundary) {
-            (0, Boundary::Neumann) => None,
-            (0, Boundary::Periodic) => Some(rows(p, self.local_row(), self.grid.height - 1)),
-            _ => Some(rows(p, self.local_row(), row - 1)),
-        }
+        &x[self.nodes()]
     }
 
     /// The local step of a cycle; with `pull`, z, u and the pull -D^T W^2 p in one pass.
@@ -119,7 +66,7 @@ impl<P: Pointwise> GradientTerm<P> {
         u: &mut [f64],
         pull: Option<&mut [f64]>,
     ) -> LocalReport {
-        let (grid, local) = (self.grid, self.local_row());
+        let (grid, local) = (self.of_field.grid, self.local_row());
         let (task, row_len) = (grid.task_rows(), grid.row_len());
         let (mut scratch, mut parts) = (std::mem::take(&mut self.scratch), std::mem::take(&mut self.parts));
         let field = self.field(x);
@@ -139,8 +86,14 @@ impl<P: Pointwise> GradientTerm<P> {
                 let p = &*p;
                 pull.par_chunks_mut(task * row_len).enumerate().for_each(|(t, pull)| {
                     let row = t * task;
-                    let (here, above) = (rows(p, local, row), this.above(p, row));
-                    this.gather(-this.weight.squared, here, above, row + 1 == grid.height, &mut pull[..row_len]);
+                    let (here, above) = (rows(p, local, row), this.of_field.above(p, row));
+                    this.of_field.gather(
+                        -this.weight.squared,
+                        here,
+                        above,
+                        row + 1 == grid.height,
+                        &mut pull[..row_len],
+                    );
                 });
             }
         }
@@ -161,13 +114,13 @@ impl<P: Pointwise> GradientTerm<P> {
         scratch: &mut [f64],
         mut pull: Option<&mut [f64]>,
     ) -> LocalReport {
-        let (grid, local) = (self.grid, self.local_row());
+        let (grid, local) = (self.of_field.grid, self.local_row());
         let (c, v) = scratch.split_at_mut(local);
         let (mut report, mut sums) = (LocalReport::default(), Sums::default());
         for k in 0..p.len() / local {
             let row = first + k;
             let at = k * local..(k + 1) * local;
-            self.differences(field, row, c);
+            self.of_field.row(field, row, c);
             let (p_row, u_row) = (&mut p[at.clone()], &mut u[at.clone()]);
             begin(cycle.relaxation, c, p_row, u_row, v);
             let pixels = row * grid.width..(row + 1) * grid.width;
@@ -176,7 +129,7 @@ impl<P: Pointwise> GradientTerm<P> {
             if let (Some(pull), 1..) = (pull.as_deref_mut(), k) {
                 let out = &mut pull[k * grid.row_len()..(k + 1) * grid.row_len()];
                 let above = &p[at.start - local..at.start];
-                self.gather(-self.weight.squared, &p[at], Some(above), row + 1 == grid.height, out);
+                self.of_field.gather(-self.weight.squared, &p[at], Some(above), row + 1 == grid.height, out);
             }
         }
         sums.report(self.weight.squared, report)
@@ -188,14 +141,14 @@ impl<P: Pointwise> GradientTerm<P> {
         x: &[f64],
         of: impl Fn(usize, &mut [f64]) -> R + Sync,
     ) -> R {
-        let (grid, field) = (self.grid, self.field(x));
+        let (grid, field) = (self.of_field.grid, self.field(x));
         let tasks: Vec<R> = (0..self.scratch.len())
             .into_par_iter()
             .map(|t| {
                 let mut c = vec![0.0; self.local_row()];
                 let mut sum = R::default();
                 for row in t * grid.task_rows()..((t + 1) * grid.task_rows()).min(grid.height) {
-                    self.differences(field, row, &mut c);
+                    self.of_field.row(field, row, &mut c);
                     sum += of(row, &mut c);
                 }
                 sum
@@ -208,114 +161,13 @@ impl<P: Pointwise> GradientTerm<P> {
     }
 
     fn pixels(&self, row: usize) -> std::ops::Range<usize> {
-        row * self.grid.width..(row + 1) * self.grid.width
-    }
-}
-
-/// out += scale D^T p in a row of one channel, from the differences along it, those to the row below and those of the row
-/// above to it; `first` is that of the first pixel along the row.
-struct Gather<'a> {
-    scale: f64,
-    first: f64,
-    along: &'a [f64],
-    down: Option<&'a [f64]>,
-    above: Option<&'a [f64]>,
-    out: &'a mut [f64],
-}
-
-impl Kernel for Gather<'_> {
-    type Output = ();
-
-    // Loops by index, which are compiled for the instruction set.
-    #[inline(always)]
-    fn run<I: Isa>(self) {
-        let (n, scale) = (self.out.len(), self.scale);
-        if n == 0 {
-            return;
-        }
-        let out = &mut self.out[..n];
-        let (before, along) = (&self.along[..n - 1], &self.along[1..n]);
-        out[0] += scale * self.first;
-        if let (Some(down), Some(above)) = (self.down, self.above) {
-            let (down, above) = (&down[..n], &above[..n]);
-            out[0] += scale * (above[0] - down[0]);
-            for i in 0..n - 1 {
-                out[i + 1] += scale * ((before[i] - along[i]) + (above[i + 1] - down[i + 1]));
-            }
-            return;
-        }
-        for i in 0..n - 1 {
-            out[i + 1] += scale * (before[i] - along[i]);
-        }
-        if let Some(down) = self.down {
-            let down = &down[..n];
-            for i in 0..n {
-                out[i] -= scale * down[i];
-            }
-        }
-        if let Some(above) = self.above {
-            let above = &above[..n];
-            for i in 0..n {
-                out[i] += scale * above[i];
-            }
-        }
-    }
-}
-
-/// out <- b - a
-struct Subtract<'a> {
-    out: &'a mut [f64],
-    b: &'a [f64],
-    a: &'a [f64],
-}
-
-impl Kernel for Subtract<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<I: Isa>(self) {
-        let n = self.out.len().min(self.a.len()).min(self.b.len());
-        let (out, b, a) = (&mut self.out[..n], &self.b[..n], &self.a[..n]);
-        for i in 0..n {
-            out[i] = b[i] - a[i];
-        }
-    }
-}
-
-/// Row `row` of a vector of rows.
-fn rows(p: &[f64], local: usize, row: usize) -> &[f64] {
-    &p[row * local..(row + 1) * local]
-}
-
-/// The differences of a row of a field.
-fn differences(grid: Grid, boundary: Boundary, field: &[f64], row: usize, out: &mut [f64]) {
-    let (w, len) = (grid.width, grid.row_len());
-    let here = &field[row * len..(row + 1) * len];
-    let below = match boundary {
-        _ if row + 1 < grid.height => Some(&field[(row + 1) * len..(row + 2) * len]),
-        Boundary::Periodic => Some(&field[..len]),
-        Boundary::Neumann => None,
-    };
-    for c in 0..grid.channels {
-        let of = &here[c * w..(c + 1) * w];
-        let (along, down) = out[2 * c * w..(2 * c + 2) * w].split_at_mut(w);
-        dispatch(Subtract { out: along, b: of.get(1..).unwrap_or_default(), a: of });
-        if let (Some(out), [first, ..], [.., last]) = (along.last_mut(), of, of) {
-            *out = if boundary == Boundary::Periodic { first - last } else { 0.0 };
-        }
-        match below {
-            Some(below) => {
-                let below = &below[c * w..(c + 1) * w];
-                dispatch(Subtract { out: down, b: below, a: of });
-            }
-            None => down.fill(0.0),
-        }
+        row * self.of_field.grid.width..(row + 1) * self.of_field.grid.width
     }
 }
 
 impl<P: Pointwise> Term for GradientTerm<P> {
     fn n_elems(&self) -> usize {
-        self.grid.n_pixels()
+        self.of_field.grid.n_pixels()
     }
 
     fn is_hard(&self) -> bool {
@@ -323,13 +175,11 @@ impl<P: Pointwise> Term for GradientTerm<P> {
     }
 
     fn local_len(&self) -> usize {
-        2 * self.grid.len()
+        2 * self.of_field.grid.len()
     }
 
     fn couple(&mut self, x: &[f64], out: &mut [f64]) {
-        let (local, field) = (self.local_row(), self.field(x));
-        let rows = out.par_chunks_mut(local).enumerate().with_min_len(self.grid.task_rows());
-        rows.for_each(|(row, out)| self.differences(field, row, out));
+        self.of_field.apply(self.field(x), out);
     }
 
     fn local_step(&mut self, x: &[f64], p: &mut [f64], u: &mut [f64], grad: &mut [f64]) -> LocalReport {
@@ -341,7 +191,7 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         self.couple(x, &mut c);
         let square = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
         let z: Vec<f64> = p.iter().zip(u.iter()).map(|(p, u)| p + u).collect();
-        let value_before = (0..self.grid.height)
+        let value_before = (0..self.of_field.grid.height)
             .map(|row| self.of.value(self.pixels(row), rows(&z, self.local_row(), row)))
             .sum::<f64>();
         // c + u - z with the u that the prox is taken with: over-relaxed it is u + (alpha - 1)(c - z).
@@ -402,7 +252,8 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         let mut gap = vec![0.0; p.len()];
         self.couple(x, &mut gap);
         gap.par_iter_mut().zip(p).for_each(|(c, p)| *c -= p);
-        self.add_adjoint(self.weight.squared, &gap, grad);
+        let nodes = self.nodes();
+        self.of_field.add_adjoint(self.weight.squared, &gap, &mut grad[nodes]);
         PenaltyReport { value: 0.5 * self.weight.squared * vector::dot(&gap, &gap), energy: None }
     }
 
@@ -412,7 +263,8 @@ impl<P: Pointwise> Term for GradientTerm<P> {
             self.couple(x, &mut slopes);
             let rows = slopes.par_chunks_mut(self.local_row()).enumerate();
             rows.for_each(|(row, c)| self.of.gradient(self.pixels(row), c));
-            self.add_adjoint(1.0, &slopes, grad);
+            let nodes = self.nodes();
+            self.of_field.add_adjoint(1.0, &slopes, &mut grad[nodes]);
         }
         self.sum_rows(x, |row, c| EnergyReport {
             value: self.of.value(self.pixels(row), c),
@@ -435,13 +287,13 @@ impl<P: Pointwise> Term for GradientTerm<P> {
     }
 
     fn for_each_element(&self, visit: &mut dyn FnMut(&[u32])) {
-        let (w, h, len) = (self.grid.width, self.grid.height, self.grid.row_len());
+        let (w, h, len) = (self.of_field.grid.width, self.of_field.grid.height, self.of_field.grid.row_len());
         for row in 0..h {
-            for c in 0..self.grid.channels {
+            for c in 0..self.of_field.grid.channels {
                 for j in 0..w {
                     let at = |row: usize, j: usize| (self.first + row * len + c * w + j) as u32;
-                    let right = at(row, if j + 1 < w { j + 1 } else { self.other_side(0, j) });
-                    let below = at(if row + 1 < h { row + 1 } else { self.other_side(0, row) }, j);
+                    let right = at(row, if j + 1 < w { j + 1 } else { self.of_field.other_side(0, j) });
+                    let below = at(if row + 1 < h { row + 1 } else { self.of_field.other_side(0, row) }, j);
                     visit(&[at(row, j), right, below]);
                 }
             }
@@ -470,12 +322,12 @@ impl<P: Pointwise> Term for GradientTerm<P> {
 
     fn add_characteristic_force(&self, size: &mut [f64]) {
         // |D_i|: a pixel is in the differences to four neighbours.
-        let field = self.first.min(size.len())..(self.first + self.grid.len()).min(size.len());
+        let field = self.first.min(size.len())..(self.first + self.of_field.grid.len()).min(size.len());
         size[field].iter_mut().for_each(|size| *size += 2.0 * self.of.force());
     }
 
     fn scale(&self) -> Scale {
-        let measure = self.grid.n_pixels() as f64;
+        let measure = self.of_field.grid.n_pixels() as f64;
         Scale { measure, weight2: self.weight.squared * measure, energy: 0.5 * self.of.force() * measure, hessian: 1.0 }
     }
 
@@ -489,12 +341,5 @@ impl<P: Pointwise> Term for GradientTerm<P> {
 
     fn take_weights(&mut self, p: &mut [f64], u: &mut [f64]) {
         self.weight.take(p, u);
-    }
-}
-
-impl<P: Pointwise> GradientTerm<P> {
-    /// What lies behind the last one: the first, or itself.
-    fn other_side(&self, first: usize, last: usize) -> usize {
-        if self.boundary == Boundary::Periodic { first } else { last }
     }
 }

@@ -1,11 +1,13 @@
 //! Terms whose elements are pixels.
 
+mod differences;
 mod gradient;
 mod pass;
 mod pixel;
 mod second_order;
 mod stencil;
 
+pub use differences::Differences;
 pub use gradient::GradientTerm;
 pub use pixel::PixelTerm;
 pub use second_order::{Bends, Slopes};
