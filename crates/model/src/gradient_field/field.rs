@@ -14,7 +14,7 @@ const CHUNK: usize = 256;
 
 /// The set that the copies of a [`CopiedField`] lie in, as its projection sees it: each copy v has one number, its image d . v;
 /// some numbers are joined of the images; and the nearest point takes from v, along d, a share of one image or joined number
-/// ([`Slot::other`]), or of the difference of its own image from that.
+/// (which one, its slot knows), or of the difference of its own image from that.
 pub trait Ties: Send + Sync {
     /// Whether it is the difference.
     const DIFFERENCES: bool;
