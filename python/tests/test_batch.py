@@ -130,10 +130,12 @@ def test_retries_are_for_what_kills_a_process(tmp_path):
     assert logged(tmp_path, "begin") == {"i0": 2, "i1": 3, "i2": 1}
 
 
+# Where the tests run in the background of a shell SIGINT is ignored, and processes inherit that.
 SCRIPT = """
-import sys, batch_jobs
+import signal, sys, batch_jobs
 from proxel import batch
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     items = [{"id": f"i{k}", "log": sys.argv[2], "sleep": 0.25} for k in range(12)]
     batch.run(items, batch_jobs.work, sys.argv[1], workers=2, progress=lambda p: print(p.done, flush=True))
 """

@@ -62,7 +62,9 @@ def test_a_time_limit_keeps_the_best_so_far():
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_ctrl_c():
     """In a process of its own, with the default handler, without a callback."""
-    code = "import test_run; print('begun', flush=True); test_run.long_run()"
+    # Where the tests run in the background of a shell the signal is ignored, and processes inherit that.
+    code = "import signal, test_run; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    code += "; print('begun', flush=True); test_run.long_run()"
     command, pipe = [sys.executable, "-c", code], subprocess.PIPE
     run = subprocess.Popen(command, cwd=HERE, stdout=pipe, stderr=pipe, text=True)
     assert run.stdout.readline() == "begun\n"
