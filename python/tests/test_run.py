@@ -67,11 +67,14 @@ def test_ctrl_c():
     code += "; print('begun', flush=True); test_run.long_run()"
     command, pipe = [sys.executable, "-c", code], subprocess.PIPE
     run = subprocess.Popen(command, cwd=HERE, stdout=pipe, stderr=pipe, text=True)
-    assert run.stdout.readline() == "begun\n"
-    time.sleep(0.5)
-    assert run.poll() is None
-    run.send_signal(signal.SIGINT)
-    _, errors = run.communicate(timeout=60)
+    try:
+        assert run.stdout.readline() == "begun\n"
+        time.sleep(0.5)
+        assert run.poll() is None
+        run.send_signal(signal.SIGINT)
+        _, errors = run.communicate(timeout=60)
+    finally:
+        run.kill()  # else what does not hear goes on for ever
     assert errors.strip().endswith("KeyboardInterrupt") and run.returncode in (1, 130, -signal.SIGINT)
 
 
