@@ -81,7 +81,8 @@ def imported(repeats: int) -> tuple[float, float]:
     for _ in range(repeats):
         for k, what in enumerate(("numpy, proxel", "numpy")):
             code = f"import time; t = time.perf_counter(); import {what}; print(time.perf_counter() - t)"
-            run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+            # Isolated: the folder that this is run in may hold the sources, which have no compiled part.
+            run = subprocess.run([sys.executable, "-I", "-c", code], check=True, capture_output=True, text=True)
             least[k] = min(least[k], float(run.stdout))
     return least[0], least[1]
 
