@@ -235,8 +235,7 @@ impl<const D: usize, const K: usize, T: Ties> Term for CopiedField<D, K, T> {
         PenaltyReport { value, energy: Some(self.energy(x, None)) }
     }
 
-    /// The violation is the largest length by which a projection would move a copy, without its share where that is of one
-    /// joined number.
+    /// The violation is, over the unit, the largest share of a difference of images, or the largest joined number.
     fn energy(&mut self, x: &[f64], _: Option<&mut [f64]>) -> EnergyReport {
         self.take_images(x, None);
         let excess = |h: usize| {

@@ -62,8 +62,8 @@ pub fn problem(
 fn crowded(surface: &Surface, e: TooManyFaces) -> GeodesicError {
     let ends = surface.edges.get(e.edge as usize).copied().unwrap_or_default();
     GeodesicError(format!(
-        "the edge between vertices {} and {} has {} faces; unknowns on edges are for {} at most: take --form faces",
-        ends[0], ends[1], e.faces, e.most
+        "{}: the edge between vertices {} and {} has {} faces, and unknowns on edges are for {} at most; take --form faces",
+        surface.name, ends[0], ends[1], e.faces, e.most
     ))
 }
 

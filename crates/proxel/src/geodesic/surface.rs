@@ -7,6 +7,8 @@ use proxel_mesh::topology::{components, surface};
 /// Triangles with lengths, in units of the diagonal of the bounding box.
 #[derive(Debug)]
 pub struct Surface {
+    /// What the mesh is called.
+    pub name: String,
     /// Vertices, used or not.
     pub n: usize,
     /// Triangles with three different vertices; polygons are fans of them.
@@ -76,7 +78,8 @@ impl Surface {
         }
         let corners: Vec<[[f64; 2]; 3]> = face_edges.iter().map(|e| laid(e.map(|e| lengths[e as usize]))).collect();
         let area = corners.iter().map(|c| 0.5 * c[1][0] * c[2][1]).collect();
-        Ok(Surface { n: mesh.n_verts(), triangles, edges, face_edges, lengths, corners, area, scale, repaired })
+        let name = mesh.name.clone();
+        Ok(Surface { name, n: mesh.n_verts(), triangles, edges, face_edges, lengths, corners, area, scale, repaired })
     }
 
     /// The mean length of an edge.

@@ -118,6 +118,18 @@ fn one_pass_or_two_halves() {
     }
 }
 
+#[test]
+fn an_edge_of_many_faces_takes_the_other_form() {
+    let turned = |k: u32| [f64::from(k).cos(), f64::from(k).sin(), 0.5];
+    let points = [[0.0; 3], [0.0, 0.0, 1.0]].into_iter().chain((0..17).map(turned)).collect();
+    let faces: Vec<[u32; 3]> = (2..19).map(|k| [0, 1, k]).collect();
+    let mesh = Mesh::from_triangles("fan.obj", points, &faces);
+    let problem = |form| gradient_problem(&mesh, &[0], &by(GeodesicMethod::Admm, form));
+    let said = problem(GradientForm::Edges).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(said.starts_with("fan.obj: the edge between vertices 0 and 1 has 17 faces"), "{said}");
+    assert!(said.ends_with("take --form faces") && problem(GradientForm::Faces).is_ok(), "{said}");
+}
+
 /// A square from its centre: all eight symmetries of the mesh, and the units do not matter.
 #[test]
 fn symmetric_distances() {
