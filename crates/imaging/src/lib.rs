@@ -7,6 +7,7 @@ mod image;
 pub mod io;
 mod prox;
 pub mod restore;
+mod room;
 mod spectral;
 mod term;
 pub mod wavefront;

@@ -85,7 +85,7 @@ fn a_pull_is_the_gradient_at_the_origin() {
             let (mut p1, mut u1, mut grad) = (p.clone(), u.clone(), vec![0.0; x.len()]);
             let (mut p2, mut u2, mut pull) = (p.clone(), u.clone(), vec![0.0; x.len()]);
             let full = term.cycle_step(&cycle, &x, &mut p1, &mut u1, &mut grad);
-            let lean = term.pull_step(&cycle, &x, &mut p2, &mut u2, &mut pull);
+            let lean = term.pull_step(&cycle, &x, &mut p2, &mut u2, &mut pull, false);
             assert_eq!((&p1, &u1), (&p2, &u2));
             assert_eq!((full.moved2, full.gap2, full.value_after), (lean.moved2, lean.gap2, lean.value_after));
             let mut expected = vec![0.0; x.len()];
@@ -107,6 +107,58 @@ fn a_pull_is_the_gradient_at_the_origin() {
                 let dual = if order == Order::Zxu { u[i] } else { v(i) - z };
                 assert!((u2[i] - dual).abs() < 1e-14 && (p2[i] + u2[i] - z).abs() < 1e-14, "{cycle:?}, number {i}");
             }
+        }
+    }
+}
+
+/// Pairs that shrink in one pass, against pixels one by one: rows of whole lanes and a rest, with and without a window.
+#[test]
+fn pairs_shrink_in_one_pass() {
+    const FORCE: f64 = 0.7;
+    const WEIGHT2: f64 = 2.0;
+    let window = Window { width: 21, rows: [1, 4], columns: [3, 20] };
+    let cycles = [(Order::Xzu, 1.0), (Order::Xzu, 1.7), (Order::Zxu, 1.0)];
+    for (channels, within) in [(1, None), (2, None), (2, Some(window))] {
+        for (boundary, (order, relaxation)) in
+            [Boundary::Periodic, Boundary::Neumann].into_iter().flat_map(|b| cycles.map(|cycle| (b, cycle)))
+        {
+            let grid = Grid { width: 21, height: 5, channels };
+            let of = TotalVariation { lambda: FORCE, norm: Norm::Channels, within };
+            let mut term = GradientTerm::new(grid, boundary, 3, of, WEIGHT2);
+            let x = numbers(grid.len() + 5, 4);
+            let (p, u) = (numbers(term.local_len(), 5), numbers(term.local_len(), 6));
+            let mut c = vec![0.0; p.len()];
+            term.couple(&x, &mut c);
+            let (mut p1, mut u1) = (p.clone(), u.clone());
+            let mut pull = numbers(x.len(), 7);
+            let cycle = Cycle { order, relaxation };
+            let report = term.pull_step(&cycle, &x, &mut p1, &mut u1, &mut pull, true);
+            let (w, row) = (grid.width, 2 * channels * grid.width);
+            let [mut moved2, mut gap2_before, mut gap2, mut value] = [0.0; 4];
+            for i in 0..p.len() {
+                let (pixel, other) = (i / row * w + i % w, if i % (2 * w) < w { i + w } else { i - w });
+                let v = |k: usize| relaxation * c[k] + (1.0 - relaxation) * (p[k] + u[k]) + u[k];
+                let r = v(i).hypot(v(other));
+                let counts = within.is_none_or(|window| window.contains(pixel));
+                let shrunk = if counts { (1.0 - FORCE / WEIGHT2 / r).max(0.0) } else { 1.0 };
+                let (before, z) = (p[i] + u[i], v(i) * shrunk);
+                let dual = if order == Order::Zxu { u[i] } else { v(i) - z };
+                assert!((u1[i] - dual).abs() < 1e-14 && (p1[i] + u1[i] - z).abs() < 1e-14, "{cycle:?}, number {i}");
+                moved2 += WEIGHT2 * (z - before).powi(2);
+                gap2_before += WEIGHT2 * (c[i] - before).powi(2);
+                gap2 += WEIGHT2 * (c[i] - z).powi(2);
+                value += if counts && i < other { FORCE * shrunk * r } else { 0.0 };
+            }
+            let pairs = [
+                (report.moved2, moved2),
+                (report.gap2_before, gap2_before),
+                (report.gap2, gap2),
+                (report.value_after, value),
+            ];
+            assert!(pairs.iter().all(|(a, b)| (a - b).abs() <= 1e-13 * b), "{channels} channels, {cycle:?}: {pairs:?}");
+            let mut expected = vec![0.0; x.len()];
+            term.penalty(&vec![0.0; x.len()], &p1, &mut expected);
+            assert!(pull.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{boundary:?}: {cycle:?}");
         }
     }
 }
@@ -145,7 +197,7 @@ fn a_step_has_the_same_bits_on_any_number_of_threads() {
             let mut term = GradientTerm::new(grid, Boundary::Periodic, 0, tv, 1.5);
             let (mut p, mut u) = (numbers(term.local_len(), 10), numbers(term.local_len(), 11));
             let mut pull = vec![0.0; x.len()];
-            let report = term.pull_step(&Cycle::PLAIN, &x, &mut p, &mut u, &mut pull);
+            let report = term.pull_step(&Cycle::PLAIN, &x, &mut p, &mut u, &mut pull, true);
             let mut expected = vec![0.0; x.len()];
             term.penalty(&vec![0.0; x.len()], &p, &mut expected);
             assert!(pull.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12));

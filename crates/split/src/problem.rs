@@ -310,10 +310,12 @@ impl Problem {
         u: &mut [Vec<f64>],
         pull: &mut [f64],
     ) -> LocalReport {
-        pull.fill(0.0);
+        if self.terms.is_empty() {
+            pull.fill(0.0);
+        }
         let mut report = LocalReport::default();
-        for ((term, p), u) in self.terms.iter_mut().zip(p).zip(u) {
-            report += term.pull_step(cycle, x, p, u, pull);
+        for (t, ((term, p), u)) in self.terms.iter_mut().zip(p).zip(u).enumerate() {
+            report += term.pull_step(cycle, x, p, u, pull, t == 0);
         }
         report
     }

@@ -223,12 +223,23 @@ pub trait Term: Send + Sync {
         report
     }
 
-    /// As [`Term::cycle_step`], but what is added to `pull` is the gradient of the penalty at x = 0 with the new p, that is
+    /// As [`Term::cycle_step`], but what is added to `pull`, or is set there if it `begins` with this term, is the gradient of the penalty at x = 0 with the new p, that is
     /// -D^T W^2 p, for linear couplings. Global steps that ask for it ([`crate::Pull::AtOrigin`]) are exact: of the report,
     /// what only inexact ones ask for (`value_before`, `penalty_before`, `penalty_after`, `objective`) may be left at 0.
     ///
     /// The provided method takes a penalty of its own at x = 0.
-    fn pull_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], pull: &mut [f64]) -> LocalReport {
+    fn pull_step(
+        &mut self,
+        cycle: &Cycle,
+        x: &[f64],
+        p: &mut [f64],
+        u: &mut [f64],
+        pull: &mut [f64],
+        begins: bool,
+    ) -> LocalReport {
+        if begins {
+            pull.fill(0.0);
+        }
         let report = self.cycle_step(cycle, x, p, u, &mut vec![0.0; pull.len()]);
         self.penalty(&vec![0.0; x.len()], p, pull);
         report

@@ -1,7 +1,12 @@
 //! Long vectors in parallel, with the same bits on any number of threads: sums are taken over a fixed binary tree.
 
+mod columns;
+
+pub use columns::{
+    add_combination_then_dot, advance_then_dots, advance_then_subtract_combination, dots, pairs_of_dots,
+    subtract_combination,
+};
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
-use std::ops::Range;
 
 /// Below this length a vector is handled by one thread, in order.
 const LEAF: usize = 8192;
@@ -164,139 +169,6 @@ pub fn scale_to(out: &mut [f64], c: f64, a: &[f64]) {
     let m = middle(out.len());
     let ((o0, o1), (a0, a1)) = (out.split_at_mut(m), a.split_at(m));
     rayon::join(|| scale_to(o0, c, a0), || scale_to(o1, c, a1));
-}
-
-/// Part of a vector that stays in the first-level cache while several others pass by.
-const TILE: usize = 1024;
-/// Vectors that are multiplied with one in a pass.
-const AT_ONCE: usize = 8;
-
-/// The pieces of `range` that are handled at a time.
-fn tiles(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
-    range.clone().step_by(TILE).map(move |from| from..(from + TILE).min(range.end))
-}
-
-/// out_i = v_i . a for i = 0 .. m, with `a` read once for eight of them.
-pub fn dots<'v>(m: usize, v: &(impl Fn(usize) -> &'v [f64] + Sync), a: &[f64], out: &mut Vec<f64>) {
-    out.clear();
-    for first in (0..m).step_by(AT_ONCE) {
-        let count = (m - first).min(AT_ONCE);
-        let sums = some_dots(&|i| v(first + i), count, a, 0..a.len());
-        out.extend_from_slice(&sums[..count]);
-    }
-}
-
-fn some_dots<'v>(
-    v: &(impl Fn(usize) -> &'v [f64] + Sync),
-    count: usize,
-    a: &[f64],
-    range: Range<usize>,
-) -> [f64; AT_ONCE] {
-    let mut sums = [0.0; AT_ONCE];
-    if range.len() <= LEAF {
-        for tile in tiles(range) {
-            for (i, sum) in sums[..count].iter_mut().enumerate() {
-                *sum += dot_leaf(&v(i)[tile.clone()], &a[tile.clone()]);
-            }
-        }
-        return sums;
-    }
-    let m = range.start + middle(range.len());
-    let (l, r) = rayon::join(|| some_dots(v, count, a, range.start..m), || some_dots(v, count, a, m..range.end));
-    for i in 0..AT_ONCE {
-        sums[i] = l[i] + r[i];
-    }
-    sums
-}
-
-/// (v_i . a, v_i . b) for i = 0 .. m, with each vector read once for eight of them, `a` and `b` too.
-pub fn pairs_of_dots<'v>(
-    m: usize,
-    v: &(impl Fn(usize) -> &'v [f64] + Sync),
-    a: &[f64],
-    b: &[f64],
-    out: &mut Vec<(f64, f64)>,
-) {
-    out.clear();
-    for first in (0..m).step_by(AT_ONCE) {
-        let count = (m - first).min(AT_ONCE);
-        let sums = some_pairs(&|i| v(first + i), count, a, b, 0..a.len());
-        out.extend_from_slice(&sums[..count]);
-    }
-}
-
-fn some_pairs<'v>(
-    v: &(impl Fn(usize) -> &'v [f64] + Sync),
-    count: usize,
-    a: &[f64],
-    b: &[f64],
-    range: Range<usize>,
-) -> [(f64, f64); AT_ONCE] {
-    let mut sums = [(0.0, 0.0); AT_ONCE];
-    if range.len() <= LEAF {
-        for tile in tiles(range) {
-            for (i, sum) in sums[..count].iter_mut().enumerate() {
-                let part = &v(i)[tile.clone()];
-                sum.0 += dot_leaf(part, &a[tile.clone()]);
-                sum.1 += dot_leaf(part, &b[tile.clone()]);
-            }
-        }
-        return sums;
-    }
-    let m = range.start + middle(range.len());
-    let (l, r) =
-        rayon::join(|| some_pairs(v, count, a, b, range.start..m), || some_pairs(v, count, a, b, m..range.end));
-    for i in 0..AT_ONCE {
-        sums[i] = (l[i].0 + r[i].0, l[i].1 + r[i].1);
-    }
-    sums
-}
-
-/// out = a - sum_i c_i v_i
-pub fn subtract_combination<'v>(out: &mut [f64], a: &[f64], c: &[f64], v: &(impl Fn(usize) -> &'v [f64] + Sync)) {
-    fn part<'v>(out: &mut [f64], from: usize, a: &[f64], c: &[f64], v: &(impl Fn(usize) -> &'v [f64] + Sync)) {
-        if out.len() > LEAF {
-            let m = middle(out.len());
-            let (o0, o1) = out.split_at_mut(m);
-            rayon::join(|| part(o0, from, a, c, v), || part(o1, from + m, a, c, v));
-            return;
-        }
-        let all = tiles(from..from + out.len());
-        for (out, tile) in out.chunks_mut(TILE).zip(all) {
-            out.copy_from_slice(&a[tile.clone()]);
-            for (i, c) in c.iter().enumerate() {
-                dispatch(CombineLeaf { out, a: None, c: -c, b: &v(i)[tile.clone()] });
-            }
-        }
-    }
-    part(out, 0, a, c, v);
-}
-
-/// y += sum_i c_i v_i; returns b . y.
-pub fn add_combination_then_dot<'v>(
-    y: &mut [f64],
-    c: &[f64],
-    v: &(impl Fn(usize) -> &'v [f64] + Sync),
-    b: &[f64],
-) -> f64 {
-    fn part<'v>(y: &mut [f64], from: usize, c: &[f64], v: &(impl Fn(usize) -> &'v [f64] + Sync), b: &[f64]) -> f64 {
-        if y.len() > LEAF {
-            let m = middle(y.len());
-            let (y0, y1) = y.split_at_mut(m);
-            let (l, r) = rayon::join(|| part(y0, from, c, v, b), || part(y1, from + m, c, v, b));
-            return l + r;
-        }
-        let mut sum = 0.0;
-        let all = tiles(from..from + y.len());
-        for (y, tile) in y.chunks_mut(TILE).zip(all) {
-            for (i, c) in c.iter().enumerate() {
-                dispatch(CombineLeaf { out: y, a: None, c: *c, b: &v(i)[tile.clone()] });
-            }
-            sum += dot_leaf(y, &b[tile]);
-        }
-        sum
-    }
-    part(y, 0, c, v, b)
 }
 
 /// Whether every entry is a finite number.

@@ -13,6 +13,7 @@ mod total_variation;
 pub use data::{Interval, Observed, Squares};
 pub use huber::Huber;
 pub use poisson::Poisson;
+pub(crate) use total_variation::shrink_pairs;
 pub use total_variation::{Norm, TotalVariation, Window};
 
 /// g(z) = sum over pixels of a function of the pixel's numbers: a penalty, a data term, or the indicator of a set.
@@ -43,6 +44,13 @@ pub trait Pointwise: Send + Sync {
     /// What u is as a function of z, A(21): then it is [`Self::gradient`] over weight2.
     fn dual_map(&self) -> DualMap {
         DualMap::None
+    }
+
+    /// Where g is the sum of `force()` times the norms of pairs of planes (0 and 1, 2 and 3, ..): those of a row's pixels that
+    /// count, from 0. Terms then take the prox in the same pass as all else.
+    fn shrinks_pairs(&self, pixels: Range<usize>, planes: usize) -> Option<Range<usize>> {
+        let _ = (pixels, planes);
+        None
     }
 
     /// A typical size of the gradient of g at a pixel.
@@ -84,6 +92,10 @@ impl<P: Pointwise + ?Sized> Pointwise for Box<P> {
 
     fn dual_map(&self) -> DualMap {
         (**self).dual_map()
+    }
+
+    fn shrinks_pairs(&self, pixels: Range<usize>, planes: usize) -> Option<Range<usize>> {
+        (**self).shrinks_pairs(pixels, planes)
     }
 
     fn force(&self) -> f64 {

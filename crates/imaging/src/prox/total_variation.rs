@@ -125,15 +125,25 @@ fn shrink(v: &mut [f64], n: usize, counted: Range<usize>, t: f64) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
+/// What the reciprocal root is specified for. Squares outside are those of gradients that are 0, or that nothing shrinks.
+const SQUARES: [f64; 2] = [1e-290, 1e290];
+
+/// z = v max(0, 1 - t/|v|) for eight pairs, and |z|.
+#[inline(always)]
+pub(crate) fn shrink_pairs<I: Isa>(v: [F8<I>; 2], t: F8<I>) -> ([F8<I>; 2], F8<I>) {
+    let square = v[0].mul_add(v[0], v[1] * v[1]);
+    // 1/r in the place of a root and a division, which would take as long as all else.
+    let inverse = square.max(F8::splat(SQUARES[0])).min(F8::splat(SQUARES[1])).rsqrt();
+    let s = (F8::one() - t * inverse).max(F8::zero());
+    ([v[0] * s, v[1] * s], s * (square * inverse))
+}
+
 /// Two planes, eight pixels at a time.
 struct ShrinkPairs<'a> {
     a: &'a mut [f64],
     b: &'a mut [f64],
     t: f64,
 }
-
-/// What the reciprocal root is specified for. Squares outside are those of gradients that are 0, or that nothing shrinks.
-const SQUARES: [f64; 2] = [1e-290, 1e290];
 
 impl Kernel for ShrinkPairs<'_> {
     type Output = f64;
@@ -142,18 +152,13 @@ impl Kernel for ShrinkPairs<'_> {
     fn run<I: Isa>(self) -> f64 {
         let (a, a_rest) = self.a.as_chunks_mut::<LANES>();
         let (b, b_rest) = self.b.as_chunks_mut::<LANES>();
-        let (least, most) = (F8::<I>::splat(SQUARES[0]), F8::<I>::splat(SQUARES[1]));
-        let (one, zero, t) = (F8::<I>::one(), F8::<I>::zero(), F8::<I>::splat(self.t));
-        let mut sum = zero;
+        let threshold = F8::<I>::splat(self.t);
+        let mut sum = F8::<I>::zero();
         for i in 0..a.len().min(b.len()) {
-            let (x, y) = (F8::<I>::load(&a[i]), F8::<I>::load(&b[i]));
-            let square = x.mul_add(x, y * y);
-            // 1/r in the place of a root and a division, which would take as long as all else.
-            let inverse = square.max(least).min(most).rsqrt();
-            let s = (one - t * inverse).max(zero);
-            (x * s).store(&mut a[i]);
-            (y * s).store(&mut b[i]);
-            sum = s.mul_add(square * inverse, sum);
+            let ([x, y], size) = shrink_pairs([F8::load(&a[i]), F8::load(&b[i])], threshold);
+            x.store(&mut a[i]);
+            y.store(&mut b[i]);
+            sum += size;
         }
         let mut sum = sum.sum();
         for i in 0..a_rest.len() {
@@ -164,6 +169,28 @@ impl Kernel for ShrinkPairs<'_> {
             sum += s * r;
         }
         sum
+    }
+}
+
+/// The sum of sqrt(a^2 + b^2).
+struct SumPairs<'a> {
+    a: &'a [f64],
+    b: &'a [f64],
+}
+
+impl Kernel for SumPairs<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> f64 {
+        let (a, a_rest) = self.a.as_chunks::<LANES>();
+        let (b, b_rest) = self.b.as_chunks::<LANES>();
+        let mut sum = F8::<I>::zero();
+        for i in 0..a.len().min(b.len()) {
+            let (x, y) = (F8::<I>::load(&a[i]), F8::<I>::load(&b[i]));
+            sum += x.mul_add(x, y * y).sqrt();
+        }
+        a_rest.iter().zip(b_rest).fold(sum.sum(), |sum, (a, b)| sum + (a * a + b * b).sqrt())
     }
 }
 
@@ -181,13 +208,16 @@ impl Pointwise for TotalVariation {
         for z in z.chunks((group * n).max(1)) {
             if z.len() == 2 * n {
                 let (a, b) = z.split_at(n);
-                let (a, b) = (&a[counted.clone()], &b[counted.clone()]);
-                a.iter().zip(b).enumerate().for_each(|(i, (a, b))| sums[i % 4] += (a * a + b * b).sqrt());
+                sums[0] += dispatch(SumPairs { a: &a[counted.clone()], b: &b[counted.clone()] });
             } else {
                 counted.clone().for_each(|i| sums[i % 4] += norm(z, n, i));
             }
         }
         self.lambda * ((sums[0] + sums[1]) + (sums[2] + sums[3]))
+    }
+
+    fn shrinks_pairs(&self, pixels: Range<usize>, planes: usize) -> Option<Range<usize>> {
+        (self.group(planes) == 2).then(|| self.counted(&pixels))
     }
 
     fn gradient(&self, pixels: Range<usize>, z: &mut [f64]) {

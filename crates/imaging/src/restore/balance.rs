@@ -1,6 +1,7 @@
 //! Forces that balance nearly, where the border is unknown or pixels were not measured.
 
 use super::Field;
+use crate::room::Room;
 use crate::{Differences, Pointwise, TotalVariation};
 use proxel_split::{Problem, vector};
 use rayon::prelude::*;
@@ -36,28 +37,30 @@ pub(super) fn lower_bound(
     r: &[f64],
     field: &Field,
     [low, high]: [f64; 2],
+    room: &mut Room,
 ) -> Option<f64> {
     let (grid, variation, data) = (field.grid, field.variation?, problem.terms.get(1)?);
     let differences = Differences { grid, boundary: field.blur.boundary() };
     let row = |row: usize| row * grid.width..(row + 1) * grid.width;
-    let (mut q, mut q_y) = (forces.0.to_vec(), forces.1.to_vec());
-    let psi = potential(field, &variation, differences, r);
-    let mut w = vec![0.0; q.len()];
+    let (mut q, mut q_y) = (room.take(forces.0.len()), room.take(forces.1.len()));
+    vector::copy(&mut q, forces.0);
+    vector::copy(&mut q_y, forces.1);
+    let psi = potential(field, &variation, differences, r, room);
+    let mut w = room.take(q.len());
     differences.apply(&psi, &mut w);
     vector::add_scaled(&mut q, -1.0, &w);
-    drop(w);
-    let mut e = vec![0.0; grid.len()];
-    field.blur.apply(grid, false, &psi, &mut e);
+    let mut e = room.take(grid.len());
+    field.blur.apply_in(grid, false, &psi, &mut e, room);
     vector::add_scaled(&mut q_y, -1.0, &e);
     clear_unmeasured(field, &mut q_y);
     // K^T q_y, in the place of e.
-    field.blur.apply(grid, true, &q_y, &mut e);
+    field.blur.apply_in(grid, true, &q_y, &mut e, room);
     let gauge = data.gauge(&q_y)?;
     let local = 2 * grid.row_len();
     let mut sizes = Vec::with_capacity(grid.n_pixels());
     q.chunks(local).enumerate().for_each(|(i, q)| variation.sizes(&row(i), q, &mut sizes));
     let mut bounds = Vec::new();
-    let (mut cut, mut left, mut scaled) = (vec![0.0; q.len()], vec![0.0; grid.len()], vec![0.0; q_y.len()]);
+    let (mut cut, mut left, mut scaled) = (w, psi, room.take(q_y.len()));
     for part in CUT {
         let surpassed = (part * sizes.len() as f64) as usize;
         let largest = if sizes.is_empty() { 0.0 } else { *nth_largest(&mut sizes, surpassed) };
@@ -77,6 +80,7 @@ pub(super) fn lower_bound(
         let worst: f64 = left.iter().map(|r| (r * low).min(r * high)).sum();
         bounds.push(worst - data.conjugate(&scaled)?);
     }
+    room.give([q, q_y, e, cut, left, scaled]);
     bounds.into_iter().filter(|b| b.is_finite()).reduce(f64::max)
 }
 
@@ -91,26 +95,33 @@ fn clear_unmeasured(field: &Field, of_y: &mut [f64]) {
 }
 
 /// psi after some steps of conjugate gradients from 0.
-fn potential(field: &Field, variation: &TotalVariation, differences: Differences, r: &[f64]) -> Vec<f64> {
+fn potential(
+    field: &Field,
+    variation: &TotalVariation,
+    differences: Differences,
+    r: &[f64],
+    room: &mut Room,
+) -> Vec<f64> {
     let (grid, n) = (field.grid, r.len());
-    let (mut w, mut e) = (vec![0.0; 2 * n], vec![0.0; n]);
-    let mut apply = |of: &[f64], out: &mut [f64]| {
-        field.blur.apply(grid, false, of, &mut e);
+    let (mut w, mut e) = (room.take(2 * n), room.take(n));
+    let mut apply = |of: &[f64], out: &mut [f64], room: &mut Room| {
+        field.blur.apply_in(grid, false, of, &mut e, room);
         clear_unmeasured(field, &mut e);
-        field.blur.apply(grid, true, &e, out);
+        field.blur.apply_in(grid, true, &e, out, room);
         differences.apply(of, &mut w);
         w.par_chunks_mut(2 * grid.row_len()).enumerate().for_each(|(i, w)| {
             variation.clear_others(&(i * grid.width..(i + 1) * grid.width), w);
         });
         differences.add_adjoint(1.0, &w, out);
     };
-    let (mut psi, mut residual) = (vec![0.0; n], r.to_vec());
-    let (mut z, mut image) = (vec![0.0; n], vec![0.0; n]);
-    field.blur.precondition(grid, &residual, &mut z);
-    let mut direction = z.clone();
+    let (mut psi, mut residual) = (room.zeros(n), room.take(n));
+    vector::copy(&mut residual, r);
+    let [mut z, mut image, mut direction] = [0; 3].map(|_| room.take(n));
+    field.blur.precondition(grid, &residual, &mut z, room);
+    vector::copy(&mut direction, &z);
     let mut square = vector::dot(&residual, &z);
     for _ in 0..STEPS {
-        apply(&direction, &mut image);
+        apply(&direction, &mut image, room);
         let curvature = vector::dot(&direction, &image);
         // Nothing is left, or what is left is rounding.
         if !(curvature > 0.0 && square > 0.0) {
@@ -119,9 +130,10 @@ fn potential(field: &Field, variation: &TotalVariation, differences: Differences
         let step = square / curvature;
         vector::add_scaled(&mut psi, step, &direction);
         vector::add_scaled(&mut residual, -step, &image);
-        field.blur.precondition(grid, &residual, &mut z);
+        field.blur.precondition(grid, &residual, &mut z, room);
         let before = std::mem::replace(&mut square, vector::dot(&residual, &z));
         direction.par_iter_mut().zip(&z).for_each(|(d, z)| *d = z + square / before * *d);
     }
+    room.give([w, e, residual, z, image, direction]);
     psi
 }

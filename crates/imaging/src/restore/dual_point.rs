@@ -1,7 +1,9 @@
 //! A point at which the dual of a restoration is finite, near the forces of the splitting.
 
 use super::{Field, balance};
+use crate::room::Room;
 use proxel_split::{Problem, vector};
+use rayon::prelude::*;
 
 /// Squared gains of the blur below which a frequency counts as one that it takes away.
 const FLOOR: f64 = 1e-6;
@@ -17,43 +19,52 @@ pub(super) fn lower_bounds(
     r: &[f64],
     field: &Field,
     range: [f64; 2],
+    room: &mut Room,
 ) -> Vec<(f64, Option<[f64; 2]>)> {
     let mut bounds = Vec::new();
-    let Some((q, q_y)) = forces(problem, x, u, field) else { return bounds };
+    let Some((q, q_y)) = forces(problem, x, u, field, room) else { return bounds };
     let whole = field.held.is_some() || field.measured.iter().all(|measured| *measured);
-    if !whole && let Some(bound) = balance::lower_bound(problem, (&q, &q_y), r, field, range) {
+    if !whole && let Some(bound) = balance::lower_bound(problem, (&q, &q_y), r, field, range, room) {
         bounds.push((bound, Some(range)));
     }
     // Where the border is unknown, not all differences count, and no transform makes those that do diagonal.
+    let (mut q, mut q_y) = (q, q_y);
     if field.reach.is_none()
-        && let Some(bound) = exactly_balanced(problem, q, q_y, r, field)
+        && let Some(bound) = exactly_balanced(problem, &mut q, &mut q_y, r, field, room)
     {
         bounds.push((bound, None));
     }
+    room.give([q, q_y]);
     bounds
 }
 
 /// The forces on grad x and on K x.
-fn forces(problem: &Problem, x: &[f64], u: &[Vec<f64>], field: &Field) -> Option<(Vec<f64>, Vec<f64>)> {
+fn forces(
+    problem: &Problem,
+    x: &[f64],
+    u: &[Vec<f64>],
+    field: &Field,
+    room: &mut Room,
+) -> Option<(Vec<f64>, Vec<f64>)> {
     let (grid, n) = (field.grid, field.grid.len());
     field.variation?;
-    let of = |t: usize| -> Option<Vec<f64>> {
+    let of = |t: usize, room: &mut Room| -> Option<Vec<f64>> {
         let (term, u) = (problem.terms.get(t)?, u.get(t)?);
-        let mut forces = vec![0.0; u.len()];
+        let mut forces = room.take(u.len());
         term.local_weights2(&mut forces);
-        forces.iter_mut().zip(u).for_each(|(q, u)| *q *= u);
+        forces.par_iter_mut().zip(u).for_each(|(q, u)| *q *= u);
         Some(forces)
     };
     let q_y = match &field.held {
         Some(data) => {
-            let mut y = vec![0.0; n];
-            field.blur.apply(grid, false, &x[..n], &mut y);
-            y.iter_mut().zip(data.observed()).for_each(|(y, f)| *y = 2.0 * data.lambda() * (*y - f));
+            let mut y = room.take(n);
+            field.blur.apply_in(grid, false, &x[..n], &mut y, room);
+            y.par_iter_mut().zip(data.observed()).for_each(|(y, f)| *y = 2.0 * data.lambda() * (*y - f));
             y
         }
-        None => of(1)?,
+        None => of(1, room)?,
     };
-    Some((of(0)?, q_y))
+    Some((of(0, room)?, q_y))
 }
 
 /// A lower bound over all images: the dual objective
@@ -70,14 +81,16 @@ fn forces(problem: &Problem, x: &[f64], u: &[Vec<f64>], field: &Field) -> Option
 /// largest of w.
 fn exactly_balanced(
     problem: &mut Problem,
-    mut q: Vec<f64>,
-    mut q_y: Vec<f64>,
+    q: &mut [f64],
+    q_y: &mut [f64],
     r: &[f64],
     field: &Field,
+    room: &mut Room,
 ) -> Option<f64> {
     let grid = field.grid;
     let measured = |k: usize| field.measured.get(k).copied().unwrap_or(true);
-    let mut e = field.blur.explain(grid, r, FLOOR);
+    let (mut e, mut psi) = (room.take(grid.len()), room.take(grid.len()));
+    field.blur.explain(grid, r, FLOOR, &mut e, room);
     e.iter_mut().enumerate().filter(|(k, _)| !measured(*k)).for_each(|(_, e)| *e = 0.0);
     for channel in 0..grid.channels {
         // K keeps sums, so that the means of r and e are to be equal.
@@ -93,17 +106,18 @@ fn exactly_balanced(
         let shift = off / count.max(1) as f64;
         nodes().filter(|k| measured(*k)).for_each(|k| e[k] += shift);
     }
-    let psi = field.blur.potential(grid, r, &e);
+    field.blur.potential(grid, r, &e, &mut psi, room);
     let gradient = problem.terms.first_mut()?;
-    let mut w = vec![0.0; q.len()];
+    let mut w = room.take(q.len());
     gradient.couple(&psi, &mut w);
-    vector::add_scaled(&mut q, -1.0, &w);
-    vector::add_scaled(&mut q_y, -1.0, &e);
+    vector::add_scaled(q, -1.0, &w);
+    vector::add_scaled(q_y, -1.0, &e);
+    room.give([e, psi, w]);
     // Rounding of a prox that leaves what was not measured where it is.
     q_y.iter_mut().enumerate().filter(|(k, _)| !measured(*k)).for_each(|(_, q)| *q = 0.0);
-    let mut gauge = gradient.gauge(&q)?;
+    let mut gauge = gradient.gauge(q)?;
     if field.held.is_none() {
-        gauge = gauge.max(problem.terms.get(1)?.gauge(&q_y)?);
+        gauge = gauge.max(problem.terms.get(1)?.gauge(q_y)?);
     }
     if !gauge.is_finite() {
         return None;
@@ -112,11 +126,11 @@ fn exactly_balanced(
     q_y.iter_mut().for_each(|q| *q *= scale);
     match &field.held {
         // lambda |y - f|^2
-        Some(data) => Some(-vector::dot(&q_y, data.observed()) - vector::dot(&q_y, &q_y) / (4.0 * data.lambda())),
+        Some(data) => Some(-vector::dot(q_y, data.observed()) - vector::dot(q_y, q_y) / (4.0 * data.lambda())),
         None => {
             q.iter_mut().for_each(|q| *q *= scale);
-            let of_gradient = problem.terms.first()?.conjugate(&q)?;
-            Some(-of_gradient - problem.terms.get(1)?.conjugate(&q_y)?)
+            let of_gradient = problem.terms.first()?.conjugate(q)?;
+            Some(-of_gradient - problem.terms.get(1)?.conjugate(q_y)?)
         }
     }
 }

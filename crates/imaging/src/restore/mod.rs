@@ -16,7 +16,7 @@ mod model;
 mod noise;
 mod risk;
 
-pub use certificate::{Gap, duality_gap};
+pub use certificate::{Certifier, Gap, duality_gap};
 pub use field::Field;
 pub use model::{MOST_SCALE, Model, natural_penalty};
 pub use noise::{noise_level, psnr};

@@ -1,9 +1,11 @@
 //! A convolution and the border that makes it diagonal.
 
 use super::cosine::{Cosine, CosineSpectra};
-use super::fourier::{Fourier, Spectra};
+use super::fourier::Fourier;
 use super::kernel::Psf;
+use crate::room::Room;
 use crate::{Boundary, Grid, ImageError};
+use proxel_split::vector;
 use realfft::num_complex::Complex;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -56,49 +58,44 @@ impl Blur {
         }
     }
 
-    /// The field e whose K^T e comes near r where the blur lets frequencies through: e = H r / (|H|^2 + floor) in frequencies.
-    pub fn explain(&self, grid: Grid, r: &[f64], floor: f64) -> Vec<f64> {
-        let mut e = vec![0.0; grid.len()];
+    /// e <- the field whose K^T e comes near r where the blur lets frequencies through: H r / (|H|^2 + floor) in frequencies.
+    pub(crate) fn explain(&self, grid: Grid, r: &[f64], floor: f64, e: &mut [f64], room: &mut Room) {
         match self {
             Blur::Periodic { fourier, kernel } => {
-                let of = |k: &Complex<f64>| k / (k.norm_sqr() + floor);
-                let kernel: Vec<Complex<f64>> = kernel.iter().map(of).collect();
-                convolve(grid, fourier, &kernel, false, r, &mut e);
+                filter(grid, fourier, kernel, |k| k / (k.norm_sqr() + floor), r, e, room);
             }
             Blur::Neumann { cosine, kernel } => {
                 let mut work = CosineSpectra::default();
                 for channel in 0..grid.channels {
                     let layout = super::channel(grid, 0, channel);
-                    cosine.filter(r, &mut e, &[layout], &mut work, |i, j, [r]: [f64; 1]| {
+                    cosine.filter(r, e, &[layout], &mut work, |i, j, [r]: [f64; 1]| {
                         let h = kernel[i * grid.width + j];
                         [r * h / (h * h + floor)]
                     });
                 }
             }
         }
-        e
     }
 
-    /// The field of mean 0 whose D^T D psi is r - K^T e but for the mean, D the differences of the border.
-    pub fn potential(&self, grid: Grid, r: &[f64], e: &[f64]) -> Vec<f64> {
+    /// psi <- the field of mean 0 whose D^T D psi is r - K^T e but for the mean, D the differences of the border.
+    pub(crate) fn potential(&self, grid: Grid, r: &[f64], e: &[f64], psi: &mut [f64], room: &mut Room) {
         let n = grid.len();
-        let mut from = r.to_vec();
-        from.extend_from_slice(e);
-        let mut to = vec![0.0; 2 * n];
+        let (mut from, mut to) = (room.take(2 * n), room.take(2 * n));
+        vector::copy(&mut from[..n], r);
+        vector::copy(&mut from[n..], e);
         match self {
             Blur::Periodic { fourier, kernel } => {
                 let (h, w, scale) = (fourier.height(), fourier.width(), 1.0 / grid.n_pixels() as f64);
-                let mut work = Spectra::default();
                 // 2 - 2 cos t = 4 sin^2(t/2), which does not cancel.
                 let part = |k: usize, n: usize| 4.0 * (PI * k as f64 / n as f64).sin().powi(2);
                 let down: Vec<f64> = (0..h).map(|i| part(i, h)).collect();
                 for channel in 0..grid.channels {
                     let layouts = [super::channel(grid, 0, channel), super::channel(grid, n, channel)];
-                    fourier.filter(&mut from, &mut to, &layouts, &mut work, |column| {
+                    fourier.filter(&mut from, &mut to, &layouts, &mut room.spectra, |column| {
                         let (j, [r, e]) = (column.j, column.fields);
-                        let kernel = &kernel[j * h..(j + 1) * h];
+                        let (along, kernel) = (part(j, w), &kernel[j * h..(j + 1) * h]);
                         for (((r, e), k), s) in r.iter_mut().zip(e.iter()).zip(kernel).zip(&down) {
-                            let s = s + part(j, w);
+                            let s = s + along;
                             let factor = if s > 0.0 { scale / s } else { 0.0 };
                             *r = (*r - k.conj() * *e) * factor;
                         }
@@ -118,21 +115,22 @@ impl Blur {
                 }
             }
         }
-        to.truncate(n);
-        to
+        vector::copy(psi, &to[..n]);
+        room.give([from, to]);
     }
 
     /// out <- (D^T D + K^T K)^-1 r, D the differences of the border: all of them and all data, so that it comes near what is left
     /// when some do not count.
-    pub fn precondition(&self, grid: Grid, r: &[f64], out: &mut [f64]) {
+    pub(crate) fn precondition(&self, grid: Grid, r: &[f64], out: &mut [f64], room: &mut Room) {
         match self {
             Blur::Periodic { fourier, kernel } => {
                 let (h, w, scale) = (fourier.height(), fourier.width(), 1.0 / grid.n_pixels() as f64);
-                let (mut from, mut work) = (r.to_vec(), Spectra::default());
+                let mut from = room.take(grid.len());
+                vector::copy(&mut from, r);
                 let part = |k: usize, n: usize| 4.0 * (PI * k as f64 / n as f64).sin().powi(2);
                 let down: Vec<f64> = (0..h).map(|i| part(i, h)).collect();
                 for channel in 0..grid.channels {
-                    fourier.filter(&mut from, out, &[super::channel(grid, 0, channel)], &mut work, |column| {
+                    fourier.filter(&mut from, out, &[super::channel(grid, 0, channel)], &mut room.spectra, |column| {
                         let (along, kernel) = (part(column.j, w), &kernel[column.j * h..(column.j + 1) * h]);
                         let [field] = column.fields;
                         for ((v, k), s) in field.iter_mut().zip(kernel).zip(&down) {
@@ -141,6 +139,7 @@ impl Blur {
                         0.0
                     });
                 }
+                room.give([from]);
             }
             Blur::Neumann { cosine, kernel } => {
                 let mut work = CosineSpectra::default();
@@ -157,8 +156,15 @@ impl Blur {
 
     /// out <- K x, or K^T x, over a grid of that size.
     pub fn apply(&self, grid: Grid, adjoint: bool, x: &[f64], out: &mut [f64]) {
+        self.apply_in(grid, adjoint, x, out, &mut Room::default());
+    }
+
+    /// The same, in room that there is.
+    pub(crate) fn apply_in(&self, grid: Grid, adjoint: bool, x: &[f64], out: &mut [f64], room: &mut Room) {
         match self {
-            Blur::Periodic { fourier, kernel } => convolve(grid, fourier, kernel, adjoint, x, out),
+            Blur::Periodic { fourier, kernel } => {
+                filter(grid, fourier, kernel, |k| if adjoint { k.conj() } else { *k }, x, out, room);
+            }
             // Symmetric: its own transpose.
             Blur::Neumann { cosine, kernel } => {
                 let mut work = CosineSpectra::default();
@@ -174,16 +180,32 @@ impl Blur {
 
 /// out <- K x, or K^T x, over a grid that wraps around.
 pub fn convolve(grid: Grid, fourier: &Fourier, kernel: &[Complex<f64>], adjoint: bool, x: &[f64], out: &mut [f64]) {
-    let (mut from, mut work) = (x.to_vec(), Spectra::default());
+    let of = |k: &Complex<f64>| if adjoint { k.conj() } else { *k };
+    filter(grid, fourier, kernel, of, x, out, &mut Room::default());
+}
+
+/// out <- x with its frequencies multiplied by `of` those of a kernel.
+fn filter(
+    grid: Grid,
+    fourier: &Fourier,
+    kernel: &[Complex<f64>],
+    of: impl Fn(&Complex<f64>) -> Complex<f64> + Sync,
+    x: &[f64],
+    out: &mut [f64],
+    room: &mut Room,
+) {
+    let mut from = room.take(x.len());
+    vector::copy(&mut from, x);
     let (h, scale) = (fourier.height(), 1.0 / grid.n_pixels() as f64);
     for channel in 0..grid.channels {
         let layout = super::channel(grid, 0, channel);
-        fourier.filter(&mut from, out, &[layout], &mut work, |column| {
+        fourier.filter(&mut from, out, &[layout], &mut room.spectra, |column| {
             let kernel = &kernel[column.j * h..(column.j + 1) * h];
             for (value, k) in column.fields.iter_mut().flat_map(|f| f.iter_mut()).zip(kernel) {
-                *value *= if adjoint { k.conj() } else { *k } * scale;
+                *value *= of(k) * scale;
             }
             0.0
         });
     }
+    room.give([from]);
 }

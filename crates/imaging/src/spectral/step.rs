@@ -138,16 +138,28 @@ impl Kernel for Held<'_> {
     // Loops by index, which are compiled for the instruction set; four sums, so that one does not wait for the one before.
     #[inline(always)]
     fn run<I: Isa>(self) -> f64 {
-        let n = self.field.len();
-        let (field, right) = (&mut self.field[..n], &self.right[..n]);
-        let (inverse, down) = (&self.inverse[..n], &self.down[..n]);
+        let n = self.field.len().min(self.right.len()).min(self.inverse.len()).min(self.down.len());
+        let (field, field_rest) = self.field[..n].as_chunks_mut::<4>();
+        let (right, right_rest) = self.right[..n].as_chunks::<4>();
+        let (inverse, inverse_rest) = self.inverse[..n].as_chunks::<4>();
+        let (down, down_rest) = self.down[..n].as_chunks::<4>();
         let mut sums = [0.0; 4];
-        for i in 0..n {
-            let (r, p, d) = (right[i], field[i], inverse[i]);
+        let (slope, shift, scale) = (self.slope, self.shift, self.scale);
+        for i in 0..field.len() {
+            for k in 0..4 {
+                let (r, p, d) = (right[i][k], field[i][k], inverse[i][k]);
+                let (re, im) = ((r.re - p.re) * d, (r.im - p.im) * d);
+                let a = slope * down[i][k] + shift;
+                sums[k] += (re * (r.re + p.re) + im * (r.im + p.im)) + a * (re * re + im * im);
+                field[i][k] = Complex { re: re * scale, im: im * scale };
+            }
+        }
+        for i in 0..field_rest.len() {
+            let (r, p, d) = (right_rest[i], field_rest[i], inverse_rest[i]);
             let (re, im) = ((r.re - p.re) * d, (r.im - p.im) * d);
-            let a = self.slope * down[i] + self.shift;
-            sums[i % 4] += (re * (r.re + p.re) + im * (r.im + p.im)) + a * (re * re + im * im);
-            field[i] = Complex { re: re * self.scale, im: im * self.scale };
+            let a = slope * down_rest[i] + shift;
+            sums[i] += (re * (r.re + p.re) + im * (r.im + p.im)) + a * (re * re + im * im);
+            field_rest[i] = Complex { re: re * scale, im: im * scale };
         }
         -0.5 * ((sums[0] + sums[1]) + (sums[2] + sums[3]))
     }

@@ -31,11 +31,7 @@ impl Differences {
         let (grid, boundary) = (self.grid, self.boundary);
         let (w, len) = (grid.width, grid.row_len());
         let here = &field[row * len..(row + 1) * len];
-        let below = match boundary {
-            _ if row + 1 < grid.height => Some(&field[(row + 1) * len..(row + 2) * len]),
-            Boundary::Periodic => Some(&field[..len]),
-            Boundary::Neumann => None,
-        };
+        let below = self.below(field, row);
         for c in 0..grid.channels {
             let of = &here[c * w..(c + 1) * w];
             let (along, down) = out[2 * c * w..(2 * c + 2) * w].split_at_mut(w);
@@ -50,6 +46,16 @@ impl Differences {
                 }
                 None => down.fill(0.0),
             }
+        }
+    }
+
+    /// The row below, which is the first one below the last of a field that wraps around; none below one that mirrors.
+    pub(super) fn below<'x>(&self, field: &'x [f64], row: usize) -> Option<&'x [f64]> {
+        let len = self.grid.row_len();
+        match self.boundary {
+            _ if row + 1 < self.grid.height => Some(&field[(row + 1) * len..(row + 2) * len]),
+            Boundary::Periodic => Some(&field[..len]),
+            Boundary::Neumann => None,
         }
     }
 
@@ -90,13 +96,18 @@ impl Differences {
         }
     }
 
-    /// The row of p above.
-    pub(super) fn above<'p>(&self, p: &'p [f64], row: usize) -> Option<&'p [f64]> {
+    /// The row above, which is the last one above the first of a field that wraps around.
+    pub(super) fn row_above(&self, row: usize) -> Option<usize> {
         match (row, self.boundary) {
             (0, Boundary::Neumann) => None,
-            (0, Boundary::Periodic) => Some(rows(p, self.local_row(), self.grid.height - 1)),
-            _ => Some(rows(p, self.local_row(), row - 1)),
+            (0, Boundary::Periodic) => Some(self.grid.height - 1),
+            _ => Some(row - 1),
         }
+    }
+
+    /// The row of p above.
+    pub(super) fn above<'p>(&self, p: &'p [f64], row: usize) -> Option<&'p [f64]> {
+        self.row_above(row).map(|row| rows(p, self.local_row(), row))
     }
 
     /// What lies behind the last of a row or column: the first, or itself.

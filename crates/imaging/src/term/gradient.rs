@@ -1,6 +1,7 @@
 //! The gradient of an image, and functions of it.
 
 use super::differences::{Differences, rows};
+use super::pairs::Row;
 use super::pass::{Sums, begin};
 use crate::{Boundary, Grid, Pointwise};
 use proxel_linalg::sparse::SymPattern;
@@ -10,7 +11,7 @@ use rayon::prelude::*;
 /// g(grad x): D takes forward differences ([`Differences`]), in planes as [`Pointwise`] takes them. One weight w^2 for all pixels,
 /// the penalty mu of A.
 ///
-/// Memory: x once, p and u twice each, read and written; a local step touches 80 bytes a pixel and channel, `pull_step` 72.
+/// Memory: `pull_step` reads x once, reads and writes p and u once, and writes the pull: 80 bytes a pixel and channel.
 pub struct GradientTerm<P> {
     of_field: Differences,
     first: usize, // node of pixel 0
@@ -57,14 +58,14 @@ impl<P: Pointwise> GradientTerm<P> {
         &x[self.nodes()]
     }
 
-    /// The local step of a cycle; with `pull`, z, u and the pull -D^T W^2 p in one pass.
+    /// The local step of a cycle; with `pull`, z, u and the pull -D^T W^2 p in one pass, set or added as it is said there.
     fn sweep(
         &mut self,
         cycle: &Cycle,
         x: &[f64],
         p: &mut [f64],
         u: &mut [f64],
-        pull: Option<&mut [f64]>,
+        pull: Option<(&mut [f64], bool)>,
     ) -> LocalReport {
         let (grid, local) = (self.of_field.grid, self.local_row());
         let (task, row_len) = (grid.task_rows(), grid.row_len());
@@ -77,16 +78,23 @@ impl<P: Pointwise> GradientTerm<P> {
             None => tasks.for_each(|(t, (((p, u), scratch), part))| {
                 *part = this.rows_of_task(cycle, field, t * task, p, u, scratch, None);
             }),
-            Some(pull) => {
+            Some((pull, begins)) => {
+                if begins {
+                    pull[..this.first].fill(0.0);
+                    pull[this.first + grid.len()..].fill(0.0);
+                }
                 let pull = &mut pull[this.first..this.first + grid.len()];
                 tasks.zip(pull.par_chunks_mut(task * row_len)).for_each(|((t, (((p, u), scratch), part)), pull)| {
-                    *part = this.rows_of_task(cycle, field, t * task, p, u, scratch, Some(pull));
+                    *part = this.rows_of_task(cycle, field, t * task, p, u, scratch, Some((pull, begins)));
                 });
                 // The first row of a task hangs on the last one of another.
                 let p = &*p;
                 pull.par_chunks_mut(task * row_len).enumerate().for_each(|(t, pull)| {
                     let row = t * task;
                     let (here, above) = (rows(p, local, row), this.of_field.above(p, row));
+                    if begins {
+                        pull[..row_len].fill(0.0);
+                    }
                     this.of_field.gather(
                         -this.weight.squared,
                         here,
@@ -112,7 +120,7 @@ impl<P: Pointwise> GradientTerm<P> {
         p: &mut [f64],
         u: &mut [f64],
         scratch: &mut [f64],
-        mut pull: Option<&mut [f64]>,
+        mut pull: Option<(&mut [f64], bool)>,
     ) -> LocalReport {
         let (grid, local) = (self.of_field.grid, self.local_row());
         let (c, v) = scratch.split_at_mut(local);
@@ -120,14 +128,26 @@ impl<P: Pointwise> GradientTerm<P> {
         for k in 0..p.len() / local {
             let row = first + k;
             let at = k * local..(k + 1) * local;
-            self.of_field.row(field, row, c);
             let (p_row, u_row) = (&mut p[at.clone()], &mut u[at.clone()]);
-            begin(cycle.relaxation, c, p_row, u_row, v);
-            let pixels = row * grid.width..(row + 1) * grid.width;
-            report.value_after += self.of.prox(pixels, v, self.weight.squared);
-            sums.end(cycle.order, c, v, p_row, u_row);
-            if let (Some(pull), 1..) = (pull.as_deref_mut(), k) {
+            report.value_after += match self.of.shrinks_pairs(self.pixels(row), 2 * grid.channels) {
+                Some(counted) => {
+                    let (force, threshold) = (self.of.force(), self.of.force() / self.weight.squared);
+                    let row = Row { of_field: &self.of_field, field, row, counted, threshold };
+                    force * row.shrink(cycle, p_row, u_row, c, &mut sums)
+                }
+                None => {
+                    self.of_field.row(field, row, c);
+                    begin(cycle.relaxation, c, p_row, u_row, v);
+                    let value = self.of.prox(self.pixels(row), v, self.weight.squared);
+                    sums.end(cycle.order, c, v, p_row, u_row);
+                    value
+                }
+            };
+            if let (Some((pull, begins)), 1..) = (&mut pull, k) {
                 let out = &mut pull[k * grid.row_len()..(k + 1) * grid.row_len()];
+                if *begins {
+                    out.fill(0.0);
+                }
                 let above = &p[at.start - local..at.start];
                 self.of_field.gather(-self.weight.squared, &p[at], Some(above), row + 1 == grid.height, out);
             }
@@ -205,8 +225,16 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         LocalReport { value_before, penalty_before, penalty_after, objective, ..report }
     }
 
-    fn pull_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], pull: &mut [f64]) -> LocalReport {
-        self.sweep(cycle, x, p, u, Some(pull))
+    fn pull_step(
+        &mut self,
+        cycle: &Cycle,
+        x: &[f64],
+        p: &mut [f64],
+        u: &mut [f64],
+        pull: &mut [f64],
+        begins: bool,
+    ) -> LocalReport {
+        self.sweep(cycle, x, p, u, Some((pull, begins)))
     }
 
     fn local_work(&self) -> f64 {
@@ -249,12 +277,37 @@ impl<P: Pointwise> Term for GradientTerm<P> {
     }
 
     fn penalty(&mut self, x: &[f64], p: &[f64], grad: &mut [f64]) -> PenaltyReport {
-        let mut gap = vec![0.0; p.len()];
-        self.couple(x, &mut gap);
-        gap.par_iter_mut().zip(p).for_each(|(c, p)| *c -= p);
-        let nodes = self.nodes();
-        self.of_field.add_adjoint(self.weight.squared, &gap, &mut grad[nodes]);
-        PenaltyReport { value: 0.5 * self.weight.squared * vector::dot(&gap, &gap), energy: None }
+        let (grid, local, nodes) = (self.of_field.grid, self.local_row(), self.nodes());
+        let (task, row_len) = (grid.task_rows(), grid.row_len());
+        let (mut scratch, field) = (std::mem::take(&mut self.scratch), self.field(x));
+        let this = &*self;
+        // D x - p of a row.
+        let gap_of = |row: usize, out: &mut [f64]| {
+            this.of_field.row(field, row, out);
+            vector::add_scaled(out, -1.0, rows(p, local, row));
+        };
+        let tasks = grad[nodes].par_chunks_mut(task * row_len).zip(scratch.par_iter_mut()).enumerate();
+        let squares: Vec<f64> = tasks
+            .map(|(t, (out, scratch))| {
+                let (mut above, mut here) = scratch.split_at_mut(local);
+                let over = this.of_field.row_above(t * task);
+                if let Some(row) = over {
+                    gap_of(row, above);
+                }
+                let mut square = 0.0;
+                for (k, out) in out.chunks_mut(row_len).enumerate() {
+                    let row = t * task + k;
+                    gap_of(row, here);
+                    square += vector::dot(here, here);
+                    let above_it = (k > 0 || over.is_some()).then_some(&*above);
+                    this.of_field.gather(this.weight.squared, here, above_it, row + 1 == grid.height, out);
+                    std::mem::swap(&mut above, &mut here);
+                }
+                square
+            })
+            .collect();
+        self.scratch = scratch;
+        PenaltyReport { value: 0.5 * self.weight.squared * squares.iter().sum::<f64>(), energy: None }
     }
 
     fn energy(&mut self, x: &[f64], grad: Option<&mut [f64]>) -> EnergyReport {

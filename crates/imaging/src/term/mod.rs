@@ -2,6 +2,7 @@
 
 mod differences;
 mod gradient;
+mod pairs;
 mod pass;
 mod pixel;
 mod second_order;

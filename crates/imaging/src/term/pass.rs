@@ -44,9 +44,9 @@ impl Kernel for Begin<'_> {
 /// Squares of a local step, lane by lane, so that a sum does not wait for the one before.
 #[derive(Default)]
 pub(super) struct Sums {
-    moved: [f64; LANES],
-    gap_before: [f64; LANES],
-    gap: [f64; LANES],
+    pub(super) moved: [f64; LANES],
+    pub(super) gap_before: [f64; LANES],
+    pub(super) gap: [f64; LANES],
 }
 
 impl Sums {

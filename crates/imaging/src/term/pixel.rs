@@ -117,7 +117,18 @@ impl<P: Pointwise> Term for PixelTerm<P> {
         LocalReport { value_before, penalty_before, penalty_after, objective, ..report }
     }
 
-    fn pull_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], pull: &mut [f64]) -> LocalReport {
+    fn pull_step(
+        &mut self,
+        cycle: &Cycle,
+        x: &[f64],
+        p: &mut [f64],
+        u: &mut [f64],
+        pull: &mut [f64],
+        begins: bool,
+    ) -> LocalReport {
+        if begins {
+            pull.fill(0.0);
+        }
         self.sweep(cycle, x, p, u, Some(pull))
     }
 

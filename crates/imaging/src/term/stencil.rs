@@ -126,7 +126,18 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
         LocalReport { value_before, penalty_before, penalty_after, objective, ..report }
     }
 
-    fn pull_step(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64], pull: &mut [f64]) -> LocalReport {
+    fn pull_step(
+        &mut self,
+        cycle: &Cycle,
+        x: &[f64],
+        p: &mut [f64],
+        u: &mut [f64],
+        pull: &mut [f64],
+        begins: bool,
+    ) -> LocalReport {
+        if begins {
+            pull.fill(0.0);
+        }
         let report = self.sweep(cycle, x, p, u);
         self.stencil.add_adjoint(self.grid, -self.weight.squared, p, pull);
         report

@@ -22,7 +22,7 @@ use crate::report::{Report, RestoreReport, Seconds};
 use crate::settings::{BoundaryName, DataName, RegulariserName, RestoreMethod, RestoreSettings, VariationName};
 use crate::threads;
 use proxel_imaging::restore::{
-    Data, Edges, Iteration, Model, Regulariser, RiskSettings, choose_lambda, duality_gap, noise_level, psnr,
+    Data, Edges, Iteration, Model, Regulariser, RiskSettings, choose_lambda, noise_level, psnr,
 };
 use proxel_imaging::{Image, ImageError, Norm, Psf};
 use proxel_split::{Cancel, IterationLimit, ResidualTolerance, Status, Stop, SystemError, run};
@@ -232,7 +232,8 @@ fn solve(
     let mut stops: Vec<&mut dyn Stop> = vec![converged, &mut cancel, &mut time, &mut limit];
     let mut watcher = Watcher::new(hooks, began, &field, input.truth);
     let outcome = run(iterated.as_mut(), &mut stops, &mut watcher);
-    let end = duality_gap(iterated.as_mut(), &field).filter(|_| outcome.is_last && outcome.iterations > 0);
+    let last = outcome.is_last && outcome.iterations > 0;
+    let end = if last { gap.at(outcome.iterations, iterated.as_mut()) } else { None };
     let measured = iterated.residuals();
     let channels = field.image(&outcome.x);
     let image = Image::new(field.size.0, field.size.1, channels)?;

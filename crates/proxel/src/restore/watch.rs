@@ -3,7 +3,7 @@
 use super::Hooks;
 use crate::report::TraceRow;
 use proxel_imaging::Image;
-use proxel_imaging::restore::{Field, duality_gap, psnr};
+use proxel_imaging::restore::{Certifier, Field, Gap, psnr};
 use proxel_split::{Method, Observer, Status, StepReport, Stop, Verdict};
 use std::time::{Duration, Instant};
 
@@ -11,17 +11,19 @@ use std::time::{Duration, Instant};
 pub(super) struct GapTolerance<'a> {
     tol: f64,
     field: &'a Field,
+    certifier: Certifier,
     next: usize,
     forecast: Forecast,
-    rounding: f64, // a gap of this size is one
+    rounding: f64,              // a gap of this size is one
+    last: Option<(usize, Gap)>, // of an iteration
 }
 
 /// Part of the objective at the start, an image of zeros, below which a gap is rounding: the objective of an image of one
 /// value is 0.
 const ROUNDING: f64 = 1e-11;
 
-/// The gap is looked at after so many iterations, and then no more often: it costs as much as some of them.
-const EVERY: usize = 5;
+/// The gap is looked at after so many iterations, and then no more often: it costs as much as seven of them.
+const EVERY: usize = 8;
 
 /// When to look again: at a part of the way to where the gap would be small enough, if it went on falling as a power of the
 /// number of iterations.
@@ -50,7 +52,21 @@ impl Forecast {
 
 impl<'a> GapTolerance<'a> {
     pub(super) fn new(tol: f64, field: &'a Field) -> Self {
-        GapTolerance { tol, field, next: EVERY, forecast: Forecast { last: None }, rounding: 0.0 }
+        GapTolerance {
+            tol,
+            field,
+            certifier: Certifier::default(),
+            next: EVERY,
+            forecast: Forecast { last: None },
+            rounding: 0.0,
+            last: None,
+        }
+    }
+
+    /// The gap after so many iterations, which are the last.
+    pub(super) fn at(&mut self, iteration: usize, method: &mut dyn Method) -> Option<Gap> {
+        let known = self.last.filter(|(k, _)| *k == iteration).map(|(_, gap)| gap);
+        known.or_else(|| self.certifier.gap(method, self.field))
     }
 }
 
@@ -62,10 +78,11 @@ impl Stop for GapTolerance<'_> {
         if report.iteration < self.next {
             return None;
         }
-        let Some(gap) = duality_gap(method, self.field) else {
+        let Some(gap) = self.certifier.gap(method, self.field) else {
             self.next = report.iteration + EVERY;
             return None;
         };
+        self.last = Some((report.iteration, gap));
         self.next = self.forecast.next(report.iteration, gap.relative(), self.tol);
         let images = match gap.range {
             Some([low, high]) => format!("images with values from {low:.3} to {high:.3}"),
@@ -115,12 +132,13 @@ pub(super) struct Watcher<'a, 'b> {
     began: Instant,
     watching: Duration, // time spent on what only the hooks need
     field: &'a Field,
+    certifier: Certifier,
     truth: Option<&'a Image>,
 }
 
 impl<'a, 'b> Watcher<'a, 'b> {
     pub(super) fn new(hooks: &'a mut Hooks<'b>, began: Instant, field: &'a Field, truth: Option<&'a Image>) -> Self {
-        Watcher { hooks, began, watching: Duration::ZERO, field, truth }
+        Watcher { hooks, began, watching: Duration::ZERO, field, certifier: Certifier::default(), truth }
     }
 }
 
@@ -149,7 +167,7 @@ impl Observer for Watcher<'_, '_> {
                 inverted: 0,
             };
             // Before the first step forces are no subgradients, and there is no bound.
-            let bound = (report.iteration > 0).then(|| duality_gap(method, self.field)).flatten();
+            let bound = (report.iteration > 0).then(|| self.certifier.gap(method, self.field)).flatten();
             let gap = bound.map_or(f64::INFINITY, |gap| gap.gap);
             let psnr = self.truth.map_or(f64::INFINITY, |t| psnr(&self.field.image(method.x()), &t.channels));
             trace(&RestoreRow { row, duality_gap: gap, psnr });

@@ -3,9 +3,11 @@
 use super::{Accelerator, Iterate, Proposal};
 use crate::vector;
 
+mod history;
 mod least_squares;
 mod square;
 
+use history::History;
 use least_squares::LeastSquares;
 use square::Square;
 
@@ -41,44 +43,19 @@ pub struct Anderson {
     window: usize,
     mixing: f64,
     kind: Kind,
-    columns: Vec<Column>,
     next: usize, // the column to be written
     used: usize,
-    before: Kept, // of the call before
-    primed: bool, // whether there was one
+    inverse: Vec<f64>, // 1 over the length of each column of F
+    g: History,
+    f: History,
+    q: History,      // for a mixing other than 1
+    sensed: History, // for type I
+    primed: bool,    // whether there was a call before
     least_squares: LeastSquares,
     square: Square,
     mixed: Vec<f64>, // scratch
     products: Vec<(f64, f64)>,
     row: Vec<f64>,
-}
-
-/// What is kept of a call; parts that are not needed are empty.
-#[derive(Default)]
-struct Kept {
-    g: Vec<f64>,
-    f: Vec<f64>,
-    q: Vec<f64>,      // for a mixing other than 1
-    sensed: Vec<f64>, // for type I
-}
-
-/// A difference of two calls.
-#[derive(Default)]
-struct Column {
-    d: Kept,
-    inverse: f64, // 1 / |f|
-}
-
-/// to <- now - before, with the length of `now`, and before <- now; |to|^2.
-fn difference(to: &mut Vec<f64>, before: &mut [f64], now: &[f64]) -> f64 {
-    to.resize(now.len(), 0.0);
-    vector::advance(to, before, now)
-}
-
-/// to <- from
-fn keep(to: &mut Vec<f64>, from: &[f64]) {
-    to.resize(from.len(), 0.0);
-    vector::copy(to, from);
 }
 
 impl Anderson {
@@ -88,10 +65,13 @@ impl Anderson {
             window,
             mixing: 1.0,
             kind: Kind::Two,
-            columns: Vec::with_capacity(window),
             next: 0,
             used: 0,
-            before: Kept::default(),
+            inverse: vec![0.0; window],
+            g: History::default(),
+            f: History::default(),
+            q: History::default(),
+            sensed: History::default(),
             primed: false,
             least_squares: LeastSquares::new(window),
             square: Square::new(window),
@@ -127,64 +107,58 @@ impl Anderson {
         self.next(&Iterate { q: &[], g, sensed: &[], f }, out)
     }
 
-    /// Writes the differences to the call before into the oldest column, and its products into the small matrix; this call
-    /// is the one before from here on.
-    fn push(&mut self, at: &Iterate<'_>) {
-        if self.columns.len() == self.next {
-            self.columns.push(Column::default());
-        }
+    /// Writes the difference of F to the call before into the oldest column, and its products into the small matrix; returns
+    /// that column. None, and an empty history, where nothing was learnt: from a step that changed nothing, or one into
+    /// nowhere.
+    fn push(&mut self, at: &Iterate<'_>) -> Option<usize> {
         let place = self.next;
-        let Column { d, inverse } = &mut self.columns[place];
-        let length = difference(&mut d.f, &mut self.before.f, at.f).sqrt();
+        let used = (self.used + 1).min(self.window);
+        let square = match self.kind {
+            Kind::Two => self.f.advance_then_dots(place, used, at.f, &mut self.products),
+            Kind::One => self.f.advance(place, at.f),
+        };
+        let length = square.sqrt();
         if !(length > 0.0 && length.is_finite()) {
-            // Nothing was learnt from a step that changed nothing, or from one into nowhere.
             self.reset();
-            return self.remember(at);
+            return None;
         }
-        difference(&mut d.g, &mut self.before.g, at.g);
-        if self.mixing != 1.0 {
-            difference(&mut d.q, &mut self.before.q, at.q);
-        }
-        if self.kind == Kind::One {
-            difference(&mut d.sensed, &mut self.before.sensed, at.sensed);
-        }
-        *inverse = 1.0 / length;
+        self.inverse[place] = 1.0 / length;
         self.next = (place + 1) % self.window;
-        self.used = (self.used + 1).min(self.window);
-        let (columns, new) = (&self.columns[..self.used], &self.columns[place]);
-        let scale = |i: usize| columns[i].inverse / length;
+        self.used = used;
+        let inverse = &self.inverse;
         match self.kind {
             Kind::Two => {
-                vector::pairs_of_dots(self.used, &|i| columns[i].d.f.as_slice(), &new.d.f, at.f, &mut self.products);
                 for (i, (with_new, with_f)) in self.products.iter().enumerate() {
-                    self.least_squares.set(place, i, with_new * scale(i));
-                    self.least_squares.set_right(i, with_f * columns[i].inverse);
+                    self.least_squares.set(place, i, with_new * (inverse[i] / length));
+                    self.least_squares.set_right(i, with_f * inverse[i]);
                 }
             }
             Kind::One => {
-                let sensed = |i: usize| columns[i].d.sensed.as_slice();
-                vector::pairs_of_dots(self.used, &sensed, &new.d.f, at.f, &mut self.products);
+                self.sensed.advance(place, at.sensed);
+                let (f, sensed) = (&self.f, &self.sensed);
+                vector::pairs_of_dots(used, &|i| sensed.column(i), f.column(place), at.f, &mut self.products);
                 for (i, (with_new, with_f)) in self.products.iter().enumerate() {
-                    self.square.set(i, place, with_new * scale(i));
-                    self.square.set_right(i, with_f * columns[i].inverse);
+                    self.square.set(i, place, with_new * (inverse[i] / length));
+                    self.square.set_right(i, with_f * inverse[i]);
                 }
-                vector::dots(self.used, &|i| columns[i].d.f.as_slice(), &new.d.sensed, &mut self.row);
+                vector::dots(used, &|i| f.column(i), sensed.column(place), &mut self.row);
                 for (i, product) in self.row.iter().enumerate() {
-                    self.square.set(place, i, product * scale(i));
+                    self.square.set(place, i, product * (inverse[i] / length));
                 }
             }
         }
+        Some(place)
     }
 
     /// This call is the one before from here on.
     fn remember(&mut self, at: &Iterate<'_>) {
-        keep(&mut self.before.g, at.g);
-        keep(&mut self.before.f, at.f);
+        self.g.remember(at.g);
+        self.f.remember(at.f);
         if self.mixing != 1.0 {
-            keep(&mut self.before.q, at.q);
+            self.q.remember(at.q);
         }
         if self.kind == Kind::One {
-            keep(&mut self.before.sensed, at.sensed);
+            self.sensed.remember(at.sensed);
         }
     }
 }
@@ -195,26 +169,31 @@ impl Accelerator for Anderson {
             vector::copy(out, at.g);
             return Proposal::default();
         }
-        match self.primed {
-            true => self.push(at),
-            false => self.remember(at),
-        }
+        let place = if self.primed { self.push(at) } else { None };
         self.primed = true;
+        let Some(place) = place else {
+            self.remember(at);
+            vector::copy(out, at.g);
+            return Proposal::default();
+        };
         let (theta, rank) = match self.kind {
             Kind::Two => self.least_squares.solve(self.used),
             Kind::One => self.square.solve(self.used),
         };
-        if self.used == 0 || !vector::is_finite(theta) {
+        if !vector::is_finite(theta) {
+            self.g.advance(place, at.g);
+            if self.mixing != 1.0 {
+                self.q.advance(place, at.q);
+            }
             vector::copy(out, at.g);
             return Proposal::default();
         }
-        let columns = &self.columns;
         self.row.clear();
-        self.row.extend(theta.iter().zip(columns).map(|(theta, column)| theta * column.inverse));
-        vector::subtract_combination(out, at.g, &self.row, &|i| columns[i].d.g.as_slice());
+        self.row.extend(theta.iter().zip(&self.inverse).map(|(theta, inverse)| theta * inverse));
+        self.g.advance_then_extrapolate(place, at.g, &self.row, out);
         if self.mixing != 1.0 {
             self.mixed.resize(at.q.len(), 0.0);
-            vector::subtract_combination(&mut self.mixed, at.q, &self.row, &|i| columns[i].d.q.as_slice());
+            self.q.advance_then_extrapolate(place, at.q, &self.row, &mut self.mixed);
             out.iter_mut().zip(&self.mixed).for_each(|(out, q)| *out = self.mixing * *out + (1.0 - self.mixing) * q);
         }
         Proposal { columns: self.used, rank }

@@ -1,0 +1,182 @@
+//! The local step of total variation of pairs of differences, in one pass over memory and one over registers.
+
+use super::differences::Differences;
+use super::pass::Sums;
+use crate::prox::shrink_pairs;
+use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
+use proxel_split::{Cycle, Order};
+use std::ops::Range;
+
+/// A row of a field whose pairs of differences shrink where they count.
+pub(super) struct Row<'a> {
+    pub of_field: &'a Differences,
+    pub field: &'a [f64],
+    pub row: usize,
+    /// Its pixels that count.
+    pub counted: Range<usize>,
+    /// lambda / w^2
+    pub threshold: f64,
+}
+
+impl Row<'_> {
+    /// What a cycle does to the row's p and u; the sum of |z| over what counts. `longer` is room for a row of one channel and a
+    /// pixel more.
+    pub(super) fn shrink(
+        &self,
+        cycle: &Cycle,
+        p: &mut [f64],
+        u: &mut [f64],
+        longer: &mut [f64],
+        sums: &mut Sums,
+    ) -> f64 {
+        let grid = self.of_field.grid;
+        let (w, len) = (grid.width, grid.row_len());
+        if w == 0 {
+            return 0.0;
+        }
+        // In the z-x-u order the dual waits for x.
+        let (step, dual) = (cycle.relaxation - 1.0, if cycle.order == Order::Zxu { 0.0 } else { 1.0 });
+        let here = &self.field[self.row * len..(self.row + 1) * len];
+        // Below the last row of a field that mirrors lies that row again, and behind the last pixel of a row that pixel.
+        let below = self.of_field.below(self.field, self.row).unwrap_or(here);
+        let longer = &mut longer[..w + 1];
+        let mut sizes = 0.0;
+        for c in 0..grid.channels {
+            let plane = c * w..(c + 1) * w;
+            longer[..w].copy_from_slice(&here[plane.clone()]);
+            longer[w] = longer[self.of_field.other_side(0, w - 1)];
+            let below = &below[plane];
+            let (pa, pb) = p[2 * c * w..(2 * c + 2) * w].split_at_mut(w);
+            let (ua, ub) = u[2 * c * w..(2 * c + 2) * w].split_at_mut(w);
+            let mut part = |at: Range<usize>, threshold: f64| {
+                dispatch(Pairs {
+                    step,
+                    dual,
+                    threshold,
+                    here: &longer[at.start..at.end + 1],
+                    below: &below[at.clone()],
+                    p: [&mut pa[at.clone()], &mut pb[at.clone()]],
+                    u: [&mut ua[at.clone()], &mut ub[at]],
+                    sums,
+                })
+            };
+            part(0..self.counted.start, 0.0);
+            sizes += part(self.counted.clone(), self.threshold);
+            part(self.counted.end..w, 0.0);
+        }
+        sizes
+    }
+}
+
+/// A part of a row of one channel: what a cycle does to it where z shrinks pairs, z = v max(0, 1 - threshold/|v|). The new p
+/// and u, and the sum of |z|.
+///
+/// The same as [`super::pass::begin`], the prox and [`Sums::end`] one after another, without their round trips: differences,
+/// v and z are never stored.
+struct Pairs<'a> {
+    step: f64,             // alpha - 1
+    dual: f64,             // 1 where u moves by c - z, 0 where it stays
+    threshold: f64,        // 0 shrinks nothing
+    here: &'a [f64],       // one pixel more: what the last difference is taken to
+    below: &'a [f64],      // the row below
+    p: [&'a mut [f64]; 2], // along the row, down the column
+    u: [&'a mut [f64]; 2],
+    sums: &'a mut Sums,
+}
+
+/// Eight pixels: c, p and u become p and u; squares and norms are added to.
+struct Lanes<I: Isa> {
+    step: F8<I>,
+    dual: F8<I>,
+    threshold: F8<I>,
+    sums: [F8<I>; 4], // z - z before, c - z before, c - z, |z|
+}
+
+impl<I: Isa> Lanes<I> {
+    #[inline(always)]
+    fn advance(&mut self, c: [F8<I>; 2], p: [F8<I>; 2], u: [F8<I>; 2]) -> [[F8<I>; 2]; 2] {
+        let before = [p[0] + u[0], p[1] + u[1]];
+        let off = [c[0] - before[0], c[1] - before[1]];
+        let u = [self.step.mul_add(off[0], u[0]), self.step.mul_add(off[1], u[1])];
+        let (z, size) = shrink_pairs([c[0] + u[0], c[1] + u[1]], self.threshold);
+        self.sums[3] += size;
+        let moved = [z[0] - before[0], z[1] - before[1]];
+        let gap = [c[0] - z[0], c[1] - z[1]];
+        // By index: closures are not compiled for the instruction set.
+        for k in 0..2 {
+            self.sums[0] = moved[k].mul_add(moved[k], self.sums[0]);
+            self.sums[1] = off[k].mul_add(off[k], self.sums[1]);
+            self.sums[2] = gap[k].mul_add(gap[k], self.sums[2]);
+        }
+        let u = [self.dual.mul_add(gap[0], u[0]), self.dual.mul_add(gap[1], u[1])];
+        [[z[0] - u[0], u[0]], [z[1] - u[1], u[1]]]
+    }
+}
+
+/// The first of eight numbers.
+#[inline(always)]
+fn put<I: Isa>(lanes: F8<I>, to: &mut [f64]) {
+    let mut room = [0.0; LANES];
+    lanes.store(&mut room);
+    to.copy_from_slice(&room[..to.len()]);
+}
+
+/// Zeros where there are no pixels: they stay, and add nothing.
+#[inline(always)]
+fn filled<I: Isa>(rest: &[f64]) -> F8<I> {
+    let mut lanes = [0.0; LANES];
+    lanes[..rest.len()].copy_from_slice(rest);
+    F8::load(&lanes)
+}
+
+impl Kernel for Pairs<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> f64 {
+        let ([pa, pb], [ua, ub]) = (self.p, self.u);
+        let n = pa.len().min(pb.len()).min(ua.len()).min(ub.len()).min(self.below.len());
+        let n = n.min(self.here.len().saturating_sub(1));
+        if n == 0 {
+            return 0.0;
+        }
+        let (here, right, below) = (&self.here[..n], &self.here[1..=n], &self.below[..n]);
+        let (here, here_rest) = here.as_chunks::<LANES>();
+        let (right, right_rest) = right.as_chunks::<LANES>();
+        let (below, below_rest) = below.as_chunks::<LANES>();
+        let (pa, pa_rest) = pa[..n].as_chunks_mut::<LANES>();
+        let (pb, pb_rest) = pb[..n].as_chunks_mut::<LANES>();
+        let (ua, ua_rest) = ua[..n].as_chunks_mut::<LANES>();
+        let (ub, ub_rest) = ub[..n].as_chunks_mut::<LANES>();
+        let zero = F8::<I>::zero();
+        let mut lanes = Lanes::<I> {
+            step: F8::splat(self.step),
+            dual: F8::splat(self.dual),
+            threshold: F8::splat(self.threshold),
+            sums: [F8::load(&self.sums.moved), F8::load(&self.sums.gap_before), F8::load(&self.sums.gap), zero],
+        };
+        for i in 0..here.len() {
+            let x = F8::<I>::load(&here[i]);
+            let c = [F8::load(&right[i]) - x, F8::load(&below[i]) - x];
+            let [a, b] = lanes.advance(c, [F8::load(&pa[i]), F8::load(&pb[i])], [F8::load(&ua[i]), F8::load(&ub[i])]);
+            a[0].store(&mut pa[i]);
+            a[1].store(&mut ua[i]);
+            b[0].store(&mut pb[i]);
+            b[1].store(&mut ub[i]);
+        }
+        if !here_rest.is_empty() {
+            let x = filled(here_rest);
+            let c = [filled(right_rest) - x, filled(below_rest) - x];
+            let [a, b] = lanes.advance(c, [filled(pa_rest), filled(pb_rest)], [filled(ua_rest), filled(ub_rest)]);
+            put(a[0], pa_rest);
+            put(a[1], ua_rest);
+            put(b[0], pb_rest);
+            put(b[1], ub_rest);
+        }
+        let [moved, gap_before, gap, sizes] = lanes.sums;
+        moved.store(&mut self.sums.moved);
+        gap_before.store(&mut self.sums.gap_before);
+        gap.store(&mut self.sums.gap);
+        sizes.sum()
+    }
+}
