@@ -134,6 +134,8 @@ def kind(schema: dict, definitions: dict) -> str:
 
 
 def cell(text: str) -> str:
+    """What stands in a table: one line, without the links of Rust's documentation and the lines of HTML."""
+    text = re.sub(r"\[(`[^`]+`)\](?!\()", r"\1", text)
     return text.replace("\n", " ").replace("|", "\\|").replace("<", "&lt;")
 
 

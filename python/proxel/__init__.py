@@ -11,7 +11,7 @@ a run.
 from typing import TYPE_CHECKING, Any
 
 from ._bodies import deform
-from ._core import Cancel, InputError, Progress, SolveError, __version__
+from ._core import BusyError, Cancel, InputError, Progress, SolveError, __version__
 from ._images import deblur, denoise, inpaint, wavefront
 from ._info import Gradients, Info, Trace, settings
 from ._job import Job
@@ -22,6 +22,7 @@ from ._simulate import Frame, Frames, Simulator, simulate
 from ._surfaces import geodesic, planarize, shape, wire
 
 __all__ = [
+    "BusyError",
     "Cancel",
     "Deformer",
     "Frame",

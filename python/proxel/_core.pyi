@@ -24,6 +24,9 @@ class SolveError(RuntimeError):
 
     info: Any
 
+class BusyError(RuntimeError):
+    """A call of an object that is at work in another call, which goes on. The message names the class and the remedy."""
+
 class Cancel:
     """What ends a run from another thread: the best result so far is then what there is."""
 
@@ -92,7 +95,7 @@ class Simulator:
     def start_record(self) -> str: ...
     def advance(
         self, time_limit: float | None, callback: Callback | None, cancel: Cancel | None
-    ) -> tuple[str, bool]: ...
+    ) -> tuple[str, bool, list[dict[str, Any]]]: ...
     def bodies(self) -> list[dict[str, Any]]: ...
     def outcome(self, status: str, reason: str) -> Outcome: ...
 

@@ -39,6 +39,5 @@ def gradient(found: Gradients, name: str, shape: tuple[int, ...]) -> Any:
     """The gradient in an argument, of its shape."""
     out = getattr(found, name)
     if out is None:
-        reason = "of sheets that bend" if name == "V" else "where moduli are given by mu"
-        raise InputError(f"there is no gradient in {name} {reason}; give it as no tensor")
+        raise InputError(f"there is no gradient in {name} where moduli are given by mu; give it as no tensor")
     return np.asarray(out, dtype=np.float64).reshape(shape)

@@ -19,15 +19,14 @@ if TYPE_CHECKING:
 class Gradients:
     """The derivatives of a function L of a result in what the run was given, under the names of its arguments.
 
-    Of `deform`: `V` (n, 3) with targets and forces held, None for sheets that bend; `targets` (p, 3), a row for each
-    of `pins` (p,); `spring_targets` (s, 3); `forces` (n, 3), whether there is one or not; `young`, `poisson` (None
-    where moduli were given by `mu`), `mu` and `lambda_` of the material; `materials`, a dict of the same for each
-    region. Of `unwrap`: `V` (n, 3) and `targets` (p, 2).
+    Of `deform`: `V` (n, 3) with targets and forces held; `targets` (p, 3), a row for each of `pins` (p,);
+    `spring_targets` (s, 3); `forces` (n, 3), whether there is one or not; `young`, `poisson` (None where moduli were
+    given by `mu`), `mu` and `lambda_` of the material; `materials`, a dict of the same for each region. Of `unwrap`: `V` (n, 3) and `targets` (p, 2).
 
     `distance` is how far the result is from the minimum, to first order, in units of length.
     """
 
-    V: NDArray[np.float64] | None
+    V: NDArray[np.float64]
     targets: NDArray[np.float64]
     pins: NDArray[np.int32]
     spring_targets: NDArray[np.float64]

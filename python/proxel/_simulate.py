@@ -99,7 +99,7 @@ class Simulator:
         false, and the simulation can go on from where it was. Raises SolveError where the frame failed; the state
         is then as before.
         """
-        text, done = self._core.advance(time_limit, callback, cancel)
+        text, done, bodies = self._core.advance(time_limit, callback, cancel)
         record = json.loads(text)
         status = record["status"]
         if not done or _WORSE.index(status) > _WORSE.index(self._status[0]):
@@ -110,7 +110,7 @@ class Simulator:
             error = SolveError(f"frame {record['frame']}: {record['reason']}")
             error.info = self.info
             raise error
-        frame = Frame(record, self._core.bodies(), done)
+        frame = Frame(record, bodies, done)
         if done:
             self._frame = frame
         return frame

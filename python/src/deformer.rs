@@ -2,8 +2,9 @@
 
 use crate::arrays::{numbers, rows, table};
 use crate::deform::{BodyInput, Targets};
-use crate::drive::{Cancel, Listener, drive, hooked, own};
+use crate::drive::{Cancel, Listener, drive, hooked};
 use crate::error::{InputError, refused};
+use crate::exclusive::Exclusive;
 use crate::gradients::{Kept, Pose, pinned};
 use crate::outcome::Outcome;
 use crate::settings::{self, given};
@@ -13,13 +14,13 @@ use proxel::pins::RigidMotion;
 use proxel::report::{Report, Seconds};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A body that is built once and then follows its handles: [`proxel::deform::Deformer`].
-#[pyclass(module = "proxel._core")]
+#[pyclass(frozen, module = "proxel._core")]
 pub struct Deformer {
-    live: Mutex<Live>,
+    live: Exclusive<Live>,
     body: Arc<DeformInput>, // as given
     warnings: Vec<String>,
 }
@@ -36,20 +37,20 @@ impl Deformer {
         let settings = settings::deform(given(keywords)?)?;
         let (input, warnings) = input.input(&points)?;
         let live = drive(py, &Listener::default(), |_| Live::new(&input, &settings))?.map_err(refused)?;
-        Ok(Deformer { live: Mutex::new(live), body: Arc::new(input), warnings })
+        Ok(Deformer { live: Exclusive::new("Deformer", live), body: Arc::new(input), warnings })
     }
 
     /// Sends pinned vertices, and ends of springs, elsewhere.
-    fn update_handles(&mut self, py: Python<'_>, targets: Targets<'_>) -> PyResult<()> {
+    fn update_handles(&self, py: Python<'_>, targets: Targets<'_>) -> PyResult<()> {
         let (vertices, places) = (numbers(&targets.0)?, rows(&targets.1)?);
         let targets: Vec<(u32, [f64; 3])> = vertices.into_iter().zip(places).collect();
-        let live = own(&mut self.live);
+        let live = &mut *self.live.take()?;
         py.detach(|| live.set_targets(&targets)).map_err(refused)
     }
 
     /// Turns and then moves a group from where it was when the body was built.
     fn move_group(
-        &mut self,
+        &self,
         name: &str,
         rotation: Option<([f64; 3], f64, [f64; 3])>,
         translation: Option<[f64; 3]>,
@@ -66,13 +67,13 @@ impl Deformer {
         if let Some(t) = translation {
             motion = motion.then(RigidMotion::translation(t));
         }
-        own(&mut self.live).move_group(name, &motion).map_err(refused)
+        self.live.take()?.move_group(name, &motion).map_err(refused)
     }
 
     /// Goes on towards the minimum: positions, and what is known of the step.
     #[pyo3(signature = (time_limit, callback, cancel))]
     fn solve<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_limit: Option<f64>,
         callback: Option<Bound<'py, PyAny>>,
@@ -81,28 +82,27 @@ impl Deformer {
         let budget = time_limit.map(Duration::try_from_secs_f64).transpose();
         let budget = budget.map_err(|e| InputError::new_err(format!("time_limit: {e}; give seconds from 0")))?;
         let began = Instant::now();
-        let live = own(&mut self.live);
+        let live = &mut *self.live.take()?;
         let (frame, _) = hooked(py, &Listener { callback, cancel }, false, |hooks| live.step(budget, hooks))?;
         let frame = frame.map_err(refused)?;
-        let mut report = self.report(&frame, began.elapsed().as_secs_f64());
+        let mut report = self.report(live, &frame, began.elapsed().as_secs_f64());
         let positions = table(py, frame.positions.clone())?;
         let arrays = PyDict::new(py);
         arrays.set_item("pins", pinned(py, &self.body))?;
-        let kept = self.keep(frame, &report);
+        let kept = self.keep(live, frame, &report);
         Ok((positions, Outcome::new(&mut report, &arrays, None)?.keeping(kept)))
     }
 
     /// The pose that the last step with any time ended at.
     #[getter]
-    fn positions<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        table(py, own(&mut self.live).positions())
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        table(py, self.live.take()?.positions())
     }
 }
 
 impl Deformer {
     /// What gradients need of a pose.
-    fn keep(&mut self, frame: Frame, report: &Report) -> Kept {
-        let live = own(&mut self.live);
+    fn keep(&self, live: &Live, frame: Frame, report: &Report) -> Kept {
         if live.is_carried() {
             return Kept::Not(
                 "a surface that a lattice carries; give its tetrahedra, or deform it as a sheet (surface=\"shell\")",
@@ -122,8 +122,7 @@ impl Deformer {
         Kept::Pose(self.body.clone(), Box::new(pose))
     }
 
-    fn report(&mut self, frame: &Frame, seconds: f64) -> Report {
-        let live = own(&mut self.live);
+    fn report(&self, live: &Live, frame: &Frame, seconds: f64) -> Report {
         let settings = live.settings();
         let finite = |v: f64| Some(v).filter(|v| v.is_finite());
         Report {

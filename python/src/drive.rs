@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use std::any::Any;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
@@ -210,12 +210,6 @@ fn ask(py: Python<'_>, listener: &Listener<'_>, progress: Progress) -> PyResult<
 fn said(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<&str>().copied();
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("a panic without a message")
-}
-
-/// What a lock of our own guards: a class of Python has to be shareable, what it wraps is not. Who has the class
-/// exclusively has what it wraps.
-pub fn own<T>(lock: &mut Mutex<T>) -> &mut T {
-    lock.get_mut().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// `work` on threads that end with it. Those of rayon's global pool would not be there in a process that was forked.

@@ -16,6 +16,12 @@ pyo3::create_exception!(
     PyRuntimeError,
     "A run that failed. The message says why; `info` is its report, where there is one."
 );
+pyo3::create_exception!(
+    proxel,
+    BusyError,
+    PyRuntimeError,
+    "A call of an object that is at work in another call, which goes on. The message names the class and the remedy."
+);
 
 /// What the facade refuses.
 pub fn refused(e: impl Display) -> PyErr {

@@ -76,7 +76,7 @@ fn of_body(py: Python<'_>, found: Adjoint) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("targets", table(py, found.fixed)?)?;
     out.set_item("spring_targets", table(py, found.soft)?)?;
     out.set_item("forces", table(py, found.forces)?)?;
-    out.set_item("V", found.rest.map(|rest| table(py, rest)).transpose()?)?;
+    out.set_item("V", table(py, found.rest)?)?;
     let materials = PyDict::new(py);
     for (region, of) in &found.materials {
         materials.set_item(region, moduli(py, of)?)?;

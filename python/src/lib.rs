@@ -10,6 +10,7 @@ mod deformer;
 mod drive;
 mod energy;
 mod error;
+mod exclusive;
 mod geodesic;
 mod gradients;
 mod image;
@@ -25,9 +26,9 @@ use pyo3::prelude::*;
 
 /// The compiled part of the package proxel.
 ///
-/// It needs no global lock. It has no statics; classes that change (`Deformer`, `Unwrapper`, `Simulator`) are borrowed
-/// exclusively by a call, and a second call meanwhile is refused; the others are frozen, and what changes in them is
-/// atomic or behind a lock. Arrays are copied before a run begins.
+/// It needs no global lock. It has no statics; all classes are frozen, and what changes in them is atomic or behind a
+/// lock. What a `Deformer`, an `Unwrapper` and a `Simulator` wrap, a call has exclusively (`exclusive`), and a second call
+/// meanwhile is refused. Arrays are copied before a run begins.
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
@@ -37,7 +38,7 @@ mod _core {
     #[pymodule_export]
     use super::drive::{Cancel, Progress};
     #[pymodule_export]
-    use super::error::{InputError, SolveError};
+    use super::error::{BusyError, InputError, SolveError};
     #[pymodule_export]
     use super::geodesic::geodesic;
     #[pymodule_export]

@@ -1,8 +1,9 @@
 //! `proxel.Simulator`.
 
 use crate::arrays::{column, table};
-use crate::drive::{Cancel, Listener, Progress, drive, own};
+use crate::drive::{Cancel, Listener, Progress, drive};
 use crate::error::{InputError, SolveError, refused};
+use crate::exclusive::Exclusive;
 use crate::outcome::{Draw, Outcome};
 use crate::settings::{Given, given, to_value};
 use numpy::{PyArray1, PyArrayMethods};
@@ -13,16 +14,20 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::Value;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::time::Instant;
 
 /// Bodies in motion among obstacles: [`proxel::simulate::Simulation`].
-#[pyclass(module = "proxel._core")]
+#[pyclass(frozen, module = "proxel._core")]
 pub struct Simulator {
-    simulation: Mutex<Simulation>,
-    records: Vec<FrameRecord>,
+    moving: Exclusive<Moving>,
     began: Instant,
     setup: f64,
+}
+
+/// What changes from frame to frame.
+struct Moving {
+    simulation: Simulation,
+    records: Vec<FrameRecord>,
 }
 
 /// The settings of a scene that a caller may give beside it, as on the command line.
@@ -77,41 +82,38 @@ impl Simulator {
         let began = Instant::now();
         let (file, threads) = read(scene, given(keywords)?)?;
         let simulation = drive(py, &Listener::default(), |_| Simulation::new(&file, threads))?.map_err(refused)?;
-        Ok(Simulator {
-            simulation: Mutex::new(simulation),
-            records: Vec::new(),
-            began,
-            setup: began.elapsed().as_secs_f64(),
-        })
+        let moving = Exclusive::new("Simulator", Moving { simulation, records: Vec::new() });
+        Ok(Simulator { moving, began, setup: began.elapsed().as_secs_f64() })
     }
 
     /// Frames done, the start aside.
     #[getter]
-    fn frame_count(&mut self) -> usize {
-        own(&mut self.simulation).frame_count()
+    fn frame_count(&self) -> PyResult<usize> {
+        Ok(self.moving.take()?.simulation.frame_count())
     }
 
     /// Frames that the scene asks for.
     #[getter]
-    fn frames(&mut self) -> usize {
-        own(&mut self.simulation).scene().time.frames
+    fn frames(&self) -> PyResult<usize> {
+        Ok(self.moving.take()?.simulation.scene().time.frames)
     }
 
     /// The record of the frame as it stands, as JSON.
-    fn start_record(&mut self) -> PyResult<String> {
-        text(&own(&mut self.simulation).start_record())
+    fn start_record(&self) -> PyResult<String> {
+        text(&self.moving.take()?.simulation.start_record())
     }
 
-    /// The next frame: its record as JSON, and whether it was done; one that is cancelled changes nothing.
+    /// The next frame: its record as JSON, whether it was done (one that is cancelled changes nothing), and each body as
+    /// it stands then.
     #[pyo3(signature = (time_limit, callback, cancel))]
-    fn advance(
-        &mut self,
-        py: Python<'_>,
+    fn advance<'py>(
+        &self,
+        py: Python<'py>,
         time_limit: Option<f64>,
-        callback: Option<Bound<'_, PyAny>>,
+        callback: Option<Bound<'py, PyAny>>,
         cancel: Option<Py<Cancel>>,
-    ) -> PyResult<(String, bool)> {
-        let simulation = own(&mut self.simulation);
+    ) -> PyResult<(String, bool, Vec<Bound<'py, PyDict>>)> {
+        let Moving { simulation, records } = &mut *self.moving.take()?;
         let before = simulation.frame_count();
         let began = Instant::now();
         let record = drive(py, &Listener { callback, cancel }, |link| {
@@ -132,23 +134,22 @@ impl Simulator {
         let done = simulation.frame_count() > before;
         let out = text(&record)?;
         if done {
-            self.records.push(record);
+            records.push(record);
         }
-        Ok((out, done))
+        Ok((out, done, bodies(py, simulation)?))
     }
 
     /// Each body as it stands: name, positions, fields over vertices, fields over elements.
-    fn bodies<'py>(&mut self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let frame = own(&mut self.simulation).frame(FrameRecord::default()).map_err(refused)?;
-        frame.bodies.into_iter().map(|(name, mesh, fields)| body(py, &name, mesh, fields)).collect()
+    fn bodies<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        bodies(py, &self.moving.take()?.simulation)
     }
 
     /// The report of the frames so far.
-    fn outcome(&mut self, py: Python<'_>, status: &str, reason: &str) -> PyResult<Outcome> {
+    fn outcome(&self, py: Python<'_>, status: &str, reason: &str) -> PyResult<Outcome> {
         let solve = (self.began.elapsed().as_secs_f64() - self.setup).max(0.0);
         let seconds = Seconds { setup: self.setup, solve, ..Seconds::default() };
-        let simulation = own(&mut self.simulation);
-        let mut report = simulation.report(&self.records, (status, reason), seconds);
+        let Moving { simulation, records } = &mut *self.moving.take()?;
+        let mut report = simulation.report(records, (status, reason), seconds);
         let image = simulation.preview();
         let draw: Draw = Box::new(move || Ok(image.clone()));
         Outcome::new(&mut report, &PyDict::new(py), Some(draw))
@@ -157,6 +158,11 @@ impl Simulator {
 
 fn text(record: &FrameRecord) -> PyResult<String> {
     serde_json::to_string(record).map_err(refused)
+}
+
+fn bodies<'py>(py: Python<'py>, simulation: &Simulation) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let frame = simulation.frame(FrameRecord::default()).map_err(refused)?;
+    frame.bodies.into_iter().map(|(name, mesh, fields)| body(py, &name, mesh, fields)).collect()
 }
 
 fn body<'py>(py: Python<'py>, name: &str, mesh: Mesh, fields: Fields) -> PyResult<Bound<'py, PyDict>> {

@@ -1,8 +1,9 @@
 //! `proxel.Unwrapper`.
 
 use crate::arrays::{self, Faces, rows};
-use crate::drive::{Cancel, Listener, Progress, drive, own, pooled};
+use crate::drive::{Cancel, Listener, Progress, drive, pooled};
 use crate::error::{InputError, SolveError, refused};
+use crate::exclusive::Exclusive;
 use crate::gradients::Kept;
 use crate::outcome::{Draw, Outcome};
 use crate::settings::{given, merged};
@@ -16,14 +17,14 @@ use proxel::split::Status;
 use proxel::unwrap::{MapPictures, Standing, Unwrapped, Unwrapper as Live};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// A map in the making: [`proxel::unwrap::Unwrapper`].
-#[pyclass(module = "proxel._core")]
+#[pyclass(frozen, module = "proxel._core")]
 pub struct Unwrapper {
-    live: Mutex<Live>,
+    live: Exclusive<Live>,
     mesh: Mesh,
     settings: UnwrapSettings,
 }
@@ -49,26 +50,27 @@ impl Unwrapper {
         let input = input.input(&points, &faces)?;
         let mesh = input.mesh.clone();
         let made = drive(py, &Listener::default(), |_| Live::new(input, settings.clone()))?;
-        Ok(Unwrapper { live: Mutex::new(made.map_err(refused)?), mesh, settings })
+        let live = Exclusive::new("Unwrapper", made.map_err(refused)?);
+        Ok(Unwrapper { live, mesh, settings })
     }
 
     /// Holds these vertices, and no others.
-    fn update_handles(&mut self, py: Python<'_>, held: Pins<'_>) -> PyResult<()> {
+    fn update_handles(&self, py: Python<'_>, held: Pins<'_>) -> PyResult<()> {
         let held = pins(&held)?;
-        let live = own(&mut self.live);
+        let live = &mut *self.live.take()?;
         py.detach(|| live.set_pins(held)).map_err(refused)
     }
 
     /// Cuts the surface along these edges, and no others.
-    fn update_seams(&mut self, py: Python<'_>, seams: PyReadonlyArray2<'_, u32>) -> PyResult<()> {
+    fn update_seams(&self, py: Python<'_>, seams: PyReadonlyArray2<'_, u32>) -> PyResult<()> {
         let seams = rows(&seams)?;
-        let live = own(&mut self.live);
+        let live = &mut *self.live.take()?;
         py.detach(|| live.set_seams(seams)).map_err(refused)
     }
 
     /// One iteration of every chart that has not converged: iteration, energy, flips, charts that are open.
-    fn step(&mut self, py: Python<'_>) -> PyResult<(usize, f64, u64, usize)> {
-        let live = own(&mut self.live);
+    fn step(&self, py: Python<'_>) -> PyResult<(usize, f64, u64, usize)> {
+        let live = &mut *self.live.take()?;
         let Standing { iteration, energy, flips, open } =
             drive(py, &Listener::default(), |_| live.step())?.map_err(|e| SolveError::new_err(e.to_string()))?;
         Ok((iteration, energy, flips, open))
@@ -77,7 +79,7 @@ impl Unwrapper {
     /// Steps until all charts have converged: coordinates, the coordinate of each corner, and what is known of the run.
     #[pyo3(signature = (time_limit, callback, cancel))]
     fn solve<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_limit: Option<f64>,
         callback: Option<Bound<'py, PyAny>>,
@@ -89,7 +91,7 @@ impl Unwrapper {
         }
         let began = Instant::now();
         let Unwrapper { live, mesh, settings } = self;
-        let live = own(live);
+        let live = &mut *live.take()?;
         let from = live.standing().iteration;
         let ended = drive(py, &Listener { callback, cancel }, |link| run(live, link, limit, began))?;
         let ended = ended.map_err(|e| SolveError::new_err(e.to_string()))?;
@@ -117,8 +119,8 @@ impl Unwrapper {
     }
 
     /// The map as it is.
-    fn map<'py>(&mut self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let (uv, corners, _) = arrays::map(py, &self.mesh, &own(&mut self.live).map().map_err(refused)?)?;
+    fn map<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let (uv, corners, _) = arrays::map(py, &self.mesh, &self.live.take()?.map().map_err(refused)?)?;
         Ok((uv, corners))
     }
 }

@@ -274,3 +274,21 @@ def test_jax_differentiates_and_compiles():
         slope = jax.grad(span)(jnp.asarray(V))
         at = lambda t: float(span(jnp.asarray(V + t * np.eye(49)[0][:, None])))
         assert float(slope[0].sum()) == pytest.approx(difference(at), rel=1e-5)
+
+
+def test_the_rest_shape_of_a_sheet_that_bends():
+    V, F = patch(5)
+    held = np.flatnonzero(np.abs(V[:, 0]) == 1)
+    targets = V[held] * [1.2, 1, 1] + 0.2 * V[held][:, :1] * [0, 0, 1]  # pulled, so that it does not buckle
+    along = np.random.default_rng(3).uniform(-0.1, 0.1, V.shape)
+
+    def solve(t):
+        return proxel.deform(
+            V + t * along, F, pins=held, targets=targets, surface="shell", material="stvk", young=1e4, poisson=0.3,
+            bending=300.0, tol=1e-11,
+        )
+
+    X, info = solve(0.0)
+    g = info.adjoint(X)
+    loss = lambda t: 0.5 * (solve(t)[0] ** 2).sum()
+    assert (g.V * along).sum() == pytest.approx(difference(loss, 1e-2), rel=1e-5)

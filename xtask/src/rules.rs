@@ -184,6 +184,26 @@ fn links_of_the_documents_lead_somewhere() {
     assert!(followed > 10, "{followed} links");
 }
 
+/// A `|` within a cell, as in |g|^2, ends it: what follows is shown in another column, or not at all.
+#[test]
+fn rows_of_tables_have_the_cells_of_their_heads() {
+    let mut rows = 0;
+    for path in documents() {
+        let (text, mut is_code, mut head) = (read_to_string(&path).unwrap(), false, None);
+        for (line, number) in text.lines().zip(1..) {
+            is_code ^= line.starts_with("```");
+            if is_code || !line.starts_with('|') {
+                head = None;
+                continue;
+            }
+            let bars = line.replace("\\|", "").matches('|').count();
+            assert_eq!(bars, *head.get_or_insert(bars), "{}: line {number} is no row of its table", path.display());
+            rows += 1;
+        }
+    }
+    assert!(rows > 300, "{rows} rows");
+}
+
 #[test]
 fn the_readme_shows_the_example_as_it_is() {
     let readme = read("README.md");

@@ -1,5 +1,7 @@
 //! Bending of thin sheets as a quadratic form.
 
+mod rest;
+
 use proxel_split::SymmetricForm;
 
 /// Rest triangles flatter than this, as 4 sqrt(3) area / sum of squared edges (1 for an equilateral one), are degenerate:

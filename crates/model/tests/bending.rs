@@ -1,7 +1,7 @@
 //! The bending form is positive semidefinite, does not see affine maps, and equals what folds cost edge by edge.
 
 use proxel_model::bending::Bending;
-use proxel_testkit::SplitMix;
+use proxel_testkit::{SplitMix, check_gradient};
 
 /// A rectangle of cells of 0.1 x 0.13, two triangles each.
 fn sheet(cells: [usize; 2]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
@@ -119,4 +119,34 @@ fn edges_without_two_sides_and_triangles_without_angles_are_left_out_and_told() 
     assert_eq!(bending.degenerate, [4]);
     assert_eq!(bending.n_hinges(), 1, "1-2");
     assert!(bending.form(1.0).is_finite());
+}
+
+#[test]
+fn what_forces_do_along_a_direction_follows_the_rest_shape() {
+    let (mut points, triangles) = sheet([4, 3]);
+    irregular(&mut points);
+    let mut random = SplitMix::new(8);
+    // Curved at rest: cotangents and areas of triangles in space.
+    points.iter_mut().for_each(|p| p[2] = 0.4 * (5.0 * p[0]).sin() * p[1] + random.uniform(-0.01, 0.01));
+    let n = points.len();
+    let some = |random: &mut SplitMix| (0..3 * n).map(|_| random.uniform(-1.0, 1.0)).collect::<Vec<f64>>();
+    let (x, w, k) = (some(&mut random), some(&mut random), 0.7);
+    let rest = points.as_flattened();
+    let phi = |rest: &[f64]| {
+        let mut g = vec![0.0; 3 * n];
+        Bending::new(rest, 3, &triangles).form(k).value_and_gradient(&x, 3, Some(&mut g));
+        g.iter().zip(&w).map(|(g, w)| g * w).sum::<f64>()
+    };
+    let found = Bending::new(rest, 3, &triangles).rest_sensitivity(rest, k, &x, &w);
+    check_gradient(phi, &found, rest, 1e-4, 1e-8).unwrap();
+    // Moving or turning the rest shape changes nothing.
+    let scale = found.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    for d in 0..3 {
+        assert!(found.iter().skip(d).step_by(3).sum::<f64>().abs() < 1e-11 * scale);
+        let (e, f) = ((d + 1) % 3, (d + 2) % 3);
+        let torque: f64 = found.chunks(3).zip(&points).map(|(g, p)| p[e] * g[f] - p[f] * g[e]).sum();
+        assert!(torque.abs() < 1e-11 * scale, "{torque:e}");
+    }
+    let grown: f64 = found.iter().zip(rest).map(|(g, p)| g * p).sum();
+    assert!((grown + 2.0 * phi(rest)).abs() < 1e-10 * scale, "1 / area: a sheet twice as large is a fourth as stiff");
 }

@@ -1,7 +1,7 @@
 //! Gradients through [`deform`](super::deform), by the implicit function theorem.
 
 use super::elements::Cells;
-use super::{Body, DeformError, DeformInput, Deformation, planar, pool};
+use super::{Body, DeformError, DeformInput, Deformation, planar, pool, sheet};
 use crate::settings::{DeformSettings, Material, MethodName};
 use proxel_model::elements::{SensitivityError, Step};
 use proxel_split::{Problem, Status, Tangent, TangentError, vector};
@@ -22,9 +22,8 @@ pub struct Adjoint {
     pub soft: Vec<[f64; 3]>,
     /// dL/d(force) on each vertex, w: whether there is one or not.
     pub forces: Vec<[f64; 3]>,
-    /// dL/d(rest position) of each vertex, targets and forces being what they are. None for sheets that bend, whose
-    /// bending is not differentiated in the rest shape.
-    pub rest: Option<Vec<[f64; 3]>>,
+    /// dL/d(rest position) of each vertex, targets and forces being what they are.
+    pub rest: Vec<[f64; 3]>,
     /// dL/d(moduli) of [`DeformSettings::material`].
     pub material: Moduli,
     /// The same of each of [`DeformSettings::materials`].
@@ -202,6 +201,8 @@ fn adjoint_here(
             }
         }
     }
+    let bent = sheet::rest_sensitivity(settings, &kinds, &positions, &moved, &step);
+    rest.as_flattened_mut().iter_mut().zip(&bent).for_each(|(to, from)| *to -= from);
     // A vertex that is named twice is where it was named last.
     let mut last = BTreeMap::new();
     input.fixed.iter().enumerate().for_each(|(i, (v, _))| {
@@ -214,7 +215,7 @@ fn adjoint_here(
     }
     out.soft = input.soft.iter().map(|(v, _, k)| w[*v as usize].map(|w| k * w)).collect();
     out.forces = w;
-    out.rest = (settings.bending == 0.0).then_some(rest);
+    out.rest = rest;
     Ok(out)
 }
 

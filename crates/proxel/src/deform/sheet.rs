@@ -31,11 +31,7 @@ pub(crate) fn bending(
     rest: &[f64],
     warnings: &mut Vec<String>,
 ) -> SymmetricForm {
-    let triangles = kinds.iter().find_map(|cells| match cells {
-        Cells::Triangles(triangles) => Some(triangles),
-        _ => None,
-    });
-    let Some(triangles) = triangles.filter(|_| settings.bending > 0.0) else { return SymmetricForm::default() };
+    let Some(triangles) = bent(settings, kinds) else { return SymmetricForm::default() };
     let renumbered: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| number[v as usize])).collect();
     let bending = Bending::new(rest, 3, &renumbered);
     let original = |place: u32| number.iter().position(|p| *p == place).unwrap_or_default();
@@ -59,6 +55,28 @@ pub(crate) fn bending(
         warnings.push(format!("{name}: the sheet is not flat at rest; bending is that of a flat one and flattens it"));
     }
     form
+}
+
+/// The derivative in the rest positions of what the forces of bending do along w, three numbers a vertex in the user's
+/// numbering; nothing where nothing bends.
+pub(crate) fn rest_sensitivity(
+    settings: &DeformSettings,
+    kinds: &[Cells],
+    rest: &[f64],
+    x: &[f64],
+    w: &[f64],
+) -> Vec<f64> {
+    let of = |triangles: &[[u32; 3]]| Bending::new(rest, 3, triangles).rest_sensitivity(rest, settings.bending, x, w);
+    bent(settings, kinds).map(of).unwrap_or_default()
+}
+
+/// The triangles that bend.
+fn bent<'a>(settings: &DeformSettings, kinds: &'a [Cells]) -> Option<&'a [[u32; 3]]> {
+    let triangles = kinds.iter().find_map(|cells| match cells {
+        Cells::Triangles(triangles) => Some(&triangles[..]),
+        _ => None,
+    });
+    triangles.filter(|_| settings.bending > 0.0)
 }
 
 /// Bending energies at rest up to this part of the stiffness are rounding.
