@@ -6,6 +6,7 @@ use std::ops::Range;
 mod data;
 mod huber;
 mod poisson;
+mod shrinkage;
 #[cfg(test)]
 mod tests;
 mod total_variation;
@@ -13,6 +14,7 @@ mod total_variation;
 pub use data::{Interval, Observed, Squares};
 pub use huber::Huber;
 pub use poisson::Poisson;
+pub use shrinkage::Shrinkage;
 pub use total_variation::{Norm, TotalVariation, Window};
 
 /// g(z) = sum over pixels of a function of the pixel's numbers: a penalty, a data term, or the indicator of a set.

@@ -1,6 +1,6 @@
 //! A point at which the dual of a restoration is finite, near the forces of the splitting.
 
-use super::{Field, balance};
+use super::{Field, balance, frame_balance};
 use proxel_split::{Problem, vector};
 
 /// Squared gains of the blur below which a frequency counts as one that it takes away.
@@ -20,6 +20,10 @@ pub(super) fn lower_bounds(
 ) -> Vec<(f64, Option<[f64; 2]>)> {
     let mut bounds = Vec::new();
     let Some((q, q_y)) = forces(problem, x, u, field) else { return bounds };
+    if let Some(frame) = &field.frame {
+        bounds.extend(frame_balance::lower_bound(problem, (q, q_y), r, field, frame, range).map(|b| (b, Some(range))));
+        return bounds;
+    }
     let whole = field.held.is_some() || field.measured.iter().all(|measured| *measured);
     if !whole && let Some(bound) = balance::lower_bound(problem, (&q, &q_y), r, field, range) {
         bounds.push((bound, Some(range)));
@@ -36,7 +40,9 @@ pub(super) fn lower_bounds(
 /// The forces on grad x and on K x.
 fn forces(problem: &Problem, x: &[f64], u: &[Vec<f64>], field: &Field) -> Option<(Vec<f64>, Vec<f64>)> {
     let (grid, n) = (field.grid, field.grid.len());
-    field.variation?;
+    if field.variation.is_none() && field.frame.is_none() {
+        return None;
+    }
     let of = |t: usize| -> Option<Vec<f64>> {
         let (term, u) = (problem.terms.get(t)?, u.get(t)?);
         let mut forces = vec![0.0; u.len()];
