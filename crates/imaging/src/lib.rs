@@ -14,7 +14,7 @@ pub mod wavefront;
 
 pub use grid::{Boundary, Grid};
 pub use image::{Image, ImageError};
-pub use prox::{Huber, Interval, Norm, Observed, Pointwise, Poisson, Squares, TotalVariation, Window};
+pub use prox::{Huber, Interval, Norm, Observed, Pointwise, Poisson, Shrinkage, Squares, TotalVariation, Window};
 pub use spectral::{
     Blur, BlurredSquares, Column, Cosine, CosineSpectra, CosineStep, Fourier, FourierStep, Layout, Psf,
     SecondOrderStep, Spectra, Symbol, convolve,
@@ -22,4 +22,4 @@ pub use spectral::{
 /// A number of a spectrum.
 pub type Complex = realfft::num_complex::Complex<f64>;
 
-pub use term::{Bends, Differences, GradientTerm, PixelTerm, Slopes, Stencil, StencilTerm, Visit};
+pub use term::{Bends, Differences, GradientTerm, LocalCosines, PixelTerm, Slopes, Stencil, StencilTerm, Visit};

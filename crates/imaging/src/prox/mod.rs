@@ -6,6 +6,7 @@ use std::ops::Range;
 mod data;
 mod huber;
 mod poisson;
+mod shrinkage;
 #[cfg(test)]
 mod tests;
 mod total_variation;
@@ -13,6 +14,7 @@ mod total_variation;
 pub use data::{Interval, Observed, Squares};
 pub use huber::Huber;
 pub use poisson::Poisson;
+pub use shrinkage::Shrinkage;
 pub(crate) use total_variation::shrink_pairs;
 pub use total_variation::{Norm, TotalVariation, Window};
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 const STEPS: usize = 5;
 
 /// Parts of all pixels that may have larger forces than total variation bears, of which one is taken: their forces are cut.
-const CUT: [f64; 4] = [0.0, 1e-3, 4e-3, 1.5e-2];
+pub(super) const CUT: [f64; 4] = [0.0, 1e-3, 4e-3, 1.5e-2];
 
 /// A lower bound of the objective over images with values in the range: for forces |q| <= 1 and q_y,
 ///
@@ -85,7 +85,7 @@ pub(super) fn lower_bound(
 }
 
 /// The element that so many others are not smaller than.
-fn nth_largest(sizes: &mut [f64], n: usize) -> &f64 {
+pub(super) fn nth_largest(sizes: &mut [f64], n: usize) -> &f64 {
     let n = n.min(sizes.len() - 1);
     sizes.select_nth_unstable_by(n, |a, b| b.total_cmp(a)).1
 }

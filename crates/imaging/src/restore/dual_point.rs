@@ -1,6 +1,6 @@
 //! A point at which the dual of a restoration is finite, near the forces of the splitting.
 
-use super::{Field, balance};
+use super::{Field, balance, frame_balance};
 use crate::room::Room;
 use proxel_split::{Problem, vector};
 use rayon::prelude::*;
@@ -23,6 +23,10 @@ pub(super) fn lower_bounds(
 ) -> Vec<(f64, Option<[f64; 2]>)> {
     let mut bounds = Vec::new();
     let Some((q, q_y)) = forces(problem, x, u, field, room) else { return bounds };
+    if let Some(frame) = &field.frame {
+        bounds.extend(frame_balance::lower_bound(problem, (q, q_y), r, field, frame, range).map(|b| (b, Some(range))));
+        return bounds;
+    }
     let whole = field.held.is_some() || field.measured.iter().all(|measured| *measured);
     if !whole && let Some(bound) = balance::lower_bound(problem, (&q, &q_y), r, field, range, room) {
         bounds.push((bound, Some(range)));
@@ -47,7 +51,9 @@ fn forces(
     room: &mut Room,
 ) -> Option<(Vec<f64>, Vec<f64>)> {
     let (grid, n) = (field.grid, field.grid.len());
-    field.variation?;
+    if field.variation.is_none() && field.frame.is_none() {
+        return None;
+    }
     let of = |t: usize, room: &mut Room| -> Option<Vec<f64>> {
         let (term, u) = (problem.terms.get(t)?, u.get(t)?);
         let mut forces = room.take(u.len());

@@ -1,7 +1,7 @@
 //! The field that is solved for, and what is seen of it.
 
 use super::Edges;
-use crate::{Blur, BlurredSquares, Boundary, Grid, ImageError, Psf, TotalVariation, Window};
+use crate::{Blur, BlurredSquares, Boundary, Grid, ImageError, Psf, Shrinkage, TotalVariation, Window};
 use std::sync::Arc;
 
 /// The field that is solved for, and where the image lies in it.
@@ -29,6 +29,8 @@ pub struct Field {
     pub reach: Option<[usize; 2]>,
     /// Total variation of it, where that is what is asked of an image.
     pub variation: Option<TotalVariation>,
+    /// Local cosines of it, likewise.
+    pub frame: Option<Shrinkage>,
     /// Which nodes of the blurred field were measured, where the data term is one of the problem's.
     pub measured: Arc<Vec<bool>>,
 }
@@ -76,6 +78,7 @@ impl Field {
             held: None,
             reach: (edges == Edges::Unknown).then_some([height + psf.height - 1, width + psf.width - 1]),
             variation: None,
+            frame: None,
             measured: Arc::default(),
         })
     }
@@ -90,6 +93,14 @@ impl Field {
     pub(super) fn window(&self, backward: bool) -> Option<Window> {
         self.reach.map(|[rows, columns]| {
             let span = |n: usize| [usize::from(backward), n.saturating_sub(1).max(usize::from(backward))];
+            Window { width: self.grid.width, rows: span(rows), columns: span(columns) }
+        })
+    }
+
+    /// The pixels whose surroundings of so many rows and columns, from each on, lie in what was seen; likewise.
+    pub(super) fn surroundings(&self, side: usize) -> Option<Window> {
+        self.reach.map(|[rows, columns]| {
+            let span = |n: usize| [0, (n + 1).saturating_sub(side)];
             Window { width: self.grid.width, rows: span(rows), columns: span(columns) }
         })
     }

@@ -12,6 +12,7 @@ mod balance;
 mod certificate;
 mod dual_point;
 mod field;
+mod frame_balance;
 mod model;
 mod noise;
 mod risk;
@@ -19,7 +20,7 @@ mod risk;
 pub use certificate::{Certifier, Gap, duality_gap};
 pub use field::Field;
 pub use model::{MOST_SCALE, Model, natural_penalty};
-pub use noise::{noise_level, psnr};
+pub use noise::{count_level, noise_level, psnr};
 pub use risk::{Risk, RiskSettings, choose_lambda};
 
 use crate::{CosineStep, FourierStep, SecondOrderStep};
@@ -73,6 +74,14 @@ pub enum Regulariser {
         /// In pixels.
         ratio: f64,
     },
+    /// A frame of local cosines, [`crate::LocalCosines`]:
+    ///
+    /// ```text
+    /// sum over pixels and (k, l) other than (0, 0)   |W_kl x| / sqrt(k^2 + l^2)
+    /// ```
+    ///
+    /// Few of them are large where there is fine texture, which total variation makes flat.
+    Frame,
 }
 
 /// How the data term is split.

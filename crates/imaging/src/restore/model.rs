@@ -2,9 +2,9 @@
 
 use super::{Data, Edges, Field, Form, Regulariser, Restoration, Step};
 use crate::{
-    Bends, Blur, BlurredSquares, CosineStep, FourierStep, GradientTerm, Grid, Huber, Image, ImageError, Interval, Norm,
-    Observed, PixelTerm, Pointwise, Poisson, Psf, SecondOrderStep, Slopes, Squares, StencilTerm, Symbol,
-    TotalVariation,
+    Bends, Blur, BlurredSquares, CosineStep, FourierStep, GradientTerm, Grid, Huber, Image, ImageError, Interval,
+    LocalCosines, Norm, Observed, PixelTerm, Pointwise, Poisson, Psf, SecondOrderStep, Shrinkage, Slopes, Squares,
+    StencilTerm, Symbol, TotalVariation,
 };
 use proxel_split::{Problem, Quadratic, Term};
 use std::borrow::Cow;
@@ -108,6 +108,10 @@ impl Model {
                 return refuse(text.to_string());
             }
         }
+        if self.regulariser == Regulariser::Frame && self.edges == Edges::Neumann {
+            let text = "a frame of local cosines cannot be had with --boundary neumann, since it wraps around; take --boundary unknown";
+            return refuse(text.to_string());
+        }
         match self.data {
             Data::Huber { delta } if !(delta > 0.0 && delta.is_finite()) => {
                 return refuse(format!("the threshold of large differences is {delta}; it has to be positive"));
@@ -181,6 +185,13 @@ impl Model {
             terms.push(Box::new(StencilTerm::new(grid, Slopes { slopes }, tv, penalty)));
             terms.push(Box::new(StencilTerm::new(grid, Bends { slopes }, bent, BEND * penalty)));
             field.slopes = true;
+        } else if self.regulariser == Regulariser::Frame {
+            let within = field.surroundings(LocalCosines::SIDE);
+            let joint = self.norm == Norm::Vectorial;
+            let shrinkage = Shrinkage { weights: Arc::new(frame_weights()), joint, within };
+            field.frame = Some(shrinkage.clone());
+            terms.push(Box::new(StencilTerm::new(grid, LocalCosines::default(), shrinkage, penalty)));
+            symbols.push(Symbol::Identity); // the frame is tight
         } else {
             terms.push(Box::new(GradientTerm::new(grid, field.blur.boundary(), 0, tv, penalty)));
             symbols.push(Symbol::Laplacian);
@@ -249,7 +260,7 @@ impl Model {
     /// no blur, every pixel measured    4 rho_0
     /// no blur, gaps                    rho_0,      max(rho_0 / 2, sqrt(rho_0 lambda) / 10)
     /// a blur, held                     rho_0
-    /// a blur, split                    rho_1,      0.23 sqrt(rho_1 lambda)
+    /// a blur, split                    rho_1,      0.23 sqrt(rho_1 lambda); twice as much of both for local cosines
     /// a blur and a finer image         rho_0 / 2,  sqrt(rho_0 lambda) / 10
     /// ```
     ///
@@ -271,6 +282,9 @@ impl Model {
         let blurs = self.psf.weights.len() > 1 || self.scale > 1;
         let (gradient, data) = match () {
             () if blurs && self.holds() => (natural, data),
+            () if blurs && self.scale == 1 && self.regulariser == Regulariser::Frame => {
+                (2.0 * steep, 0.46 * (steep * lambda).sqrt())
+            }
             () if blurs && self.scale == 1 => (steep, 0.23 * (steep * lambda).sqrt()),
             () if blurs => (0.5 * natural, data),
             () if self.holds() => (4.0 * natural, data),
@@ -318,6 +332,12 @@ fn steepness(image: &Image) -> f64 {
     // Of both directions, as a gradient has them.
     let step = (2.0 * sum / count.max(1) as f64).sqrt();
     if step > 0.0 { 1.0 / step } else { natural_penalty(&image.channels) }
+}
+
+/// 1 / sqrt(k^2 + l^2), in the order of [`LocalCosines`]; 0 for the mean. As what is seen of the world has less of what is finer.
+fn frame_weights() -> Vec<f64> {
+    let m = LocalCosines::SIDE;
+    (0..LocalCosines::PLANES).map(|k| if k == 0 { 0.0 } else { 1.0 / ((k / m) as f64).hypot((k % m) as f64) }).collect()
 }
 
 /// The global step of a field, with a data term that it holds or none.

@@ -1,6 +1,6 @@
 //! lambda by an estimate of the risk.
 
-use super::{Edges, Form, Iteration, Model};
+use super::{Data, Edges, Form, Iteration, Model};
 use crate::{ImageError, Psf};
 use proxel_split::{Method, SystemError};
 
@@ -33,6 +33,16 @@ impl Default for RiskSettings {
 /// is that of |A K (x(f) - x_true)|^2: Stein's unbiased estimate (Stein 1981; Eldar 2009 for its weighted form). The trace is
 /// found by one difference along random signs (Ramani, Blu and Unser 2008), for which the same number of iterations is run
 /// from the same start, so that it is the derivative of what is computed, converged or not.
+///
+/// Noise whose variance s_i^2 is another for each pixel stands as
+///
+/// ```text
+/// |A (K x(f) - f)|^2 - mean |A|^2 sum s_i^2 + 2 tr(diag(s)^2 A^T A K x'(f))
+/// ```
+///
+/// which holds to first order for counts of light (Luisier, Blu and Unser 2011), s_i^2 = s^2 f_i. For [`Data::Huber`] the pixels that
+/// differ from the median of their surroundings by more than four s are outliers, and left out: that the result does not follow
+/// them is no error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Risk {
     /// lambda
@@ -42,7 +52,8 @@ pub struct Risk {
 }
 
 /// The lambda of least estimated risk: steps of a factor of 2 from a guess by the noise until both neighbours are worse, and
-/// the vertex of the parabola through the three. All that were tried, the chosen one last.
+/// the vertex of the parabola through the three. All that were tried, the chosen one last. `noise` is s: the standard deviation, for
+/// [`Data::Poisson`] that of a pixel of value 1.
 ///
 /// # Errors
 /// No noise; what [`Model::build`] refuses; a problem that the splitting refuses, as its text.
@@ -58,7 +69,9 @@ pub fn choose_lambda(
     let tiles = tiles(model, settings.tile);
     let mut tried: Vec<Risk> = Vec::new();
     // lambda = b / (2 s^2) is the maximum of the likelihood for steps of mean 2b; 1/rho_0 is such a step.
-    let first = 1.0 / (2.0 * noise * noise * model.natural);
+    // That of counts is not halved.
+    let halves = if model.data == Data::Poisson { 1.0 } else { 2.0 };
+    let first = 1.0 / (halves * noise * noise * model.natural);
     let at = |k: i32, tried: &mut Vec<Risk>| -> Result<f64, ImageError> {
         let lambda = first * 2f64.powi(k);
         if let Some(known) = tried.iter().find(|risk| risk.lambda == lambda) {
@@ -146,31 +159,71 @@ fn risk(model: &Model, noise: f64, settings: &RiskSettings) -> Result<f64, Image
     };
     /// Of the noise: small against what the restoration reacts to, large against rounding.
     const STEP: f64 = 0.1;
-    let step = STEP * noise;
-    let signs: Vec<Vec<f64>> =
-        model.channels.iter().enumerate().map(|(c, plane)| signs(plane.len(), c as u64)).collect();
+    // s_i of each pixel, with random signs.
+    let probes: Vec<Vec<f64>> = (model.channels.iter().enumerate())
+        .map(|(c, plane)| {
+            let mut probe = signs(plane.len(), c as u64);
+            probe.iter_mut().zip(plane).for_each(|(p, f)| *p *= deviation(model, noise, *f));
+            probe
+        })
+        .collect();
     let mut moved = model.clone();
-    for (plane, signs) in moved.channels.iter_mut().zip(&signs) {
-        plane.iter_mut().zip(signs).for_each(|(v, s)| *v += step * s);
+    for (plane, probe) in moved.channels.iter_mut().zip(&probes) {
+        plane.iter_mut().zip(probe).for_each(|(v, p)| *v += STEP * p);
     }
     let (here, there) = (solved(model)?, solved(&moved)?);
     let inverse = Inverse::new(model, settings.damping);
     let mut value = 0.0;
-    for c in 0..model.channels.len() {
-        let masked = |v: Vec<f64>| match &model.mask {
-            Some(mask) => v.iter().zip(mask).map(|(v, m)| v * m).collect(),
-            None => v,
+    for (c, plane) in model.channels.iter().enumerate() {
+        let counted = counted(model, noise, plane);
+        let masked = |v: Vec<f64>| -> Vec<f64> {
+            match &counted {
+                Some(counted) => v.iter().zip(counted).map(|(v, m)| v * m).collect(),
+                None => v,
+            }
         };
-        let measured = model.mask.as_ref().map_or(1.0, |m| m.iter().sum::<f64>() / m.len() as f64);
-        let off = masked(here[c].iter().zip(&model.channels[c]).map(|(k, f)| k - f).collect());
-        let slope = masked(there[c].iter().zip(&here[c]).map(|(a, b)| (a - b) / step).collect());
-        let (off, probe, slope) =
-            (inverse.apply(&off), inverse.apply(&masked(signs[c].clone())), inverse.apply(&slope));
+        let off = masked(here[c].iter().zip(plane).map(|(k, f)| k - f).collect());
+        let slope = masked(there[c].iter().zip(&here[c]).map(|(a, b)| (a - b) / STEP).collect());
+        let probe = masked(probes[c].clone());
+        let variance = proxel_split::vector::dot(&probe, &probe);
+        let (off, probe, slope) = (inverse.apply(&off), inverse.apply(&probe), inverse.apply(&slope));
         let (square, trace) = (proxel_split::vector::dot(&off, &off), proxel_split::vector::dot(&probe, &slope));
-        let n = (model.width * model.height) as f64 * measured;
-        value += square - noise * noise * n * inverse.gain + 2.0 * noise * noise * trace;
+        value += square - variance * inverse.gain + 2.0 * trace;
     }
     Ok(value)
+}
+
+/// The standard deviation of the noise of a pixel that was seen as f.
+fn deviation(model: &Model, noise: f64, f: f64) -> f64 {
+    if model.data == Data::Poisson { noise * f.max(0.0).sqrt() } else { noise }
+}
+
+/// 1 for each pixel that the estimate counts, 0 for others; none where it counts all.
+fn counted(model: &Model, noise: f64, plane: &[f64]) -> Option<Vec<f64>> {
+    let Data::Huber { .. } = model.data else { return model.mask.clone() };
+    let mut counted = inliers(model.width, model.height, plane, noise);
+    if let Some(mask) = &model.mask {
+        counted.iter_mut().zip(mask).for_each(|(c, m)| *c *= m);
+    }
+    Some(counted)
+}
+
+/// 1 where a pixel differs from the median of the 3 x 3 about it, less at borders, by at most four s.
+fn inliers(width: usize, height: usize, plane: &[f64], noise: f64) -> Vec<f64> {
+    const FAR: f64 = 4.0;
+    let mut around = Vec::with_capacity(9);
+    (0..plane.len())
+        .map(|k| {
+            let (i, j) = (k / width, k % width);
+            around.clear();
+            for row in i.saturating_sub(1)..(i + 2).min(height) {
+                around.extend_from_slice(&plane[row * width + j.saturating_sub(1)..row * width + (j + 2).min(width)]);
+            }
+            let middle = around.len() / 2;
+            let (_, median, _) = around.select_nth_unstable_by(middle, f64::total_cmp);
+            f64::from(u8::from((plane[k] - *median).abs() <= FAR * noise))
+        })
+        .collect()
 }
 
 /// Random signs, the same for each call.

@@ -2,6 +2,7 @@
 
 mod differences;
 mod gradient;
+mod local_cosines;
 mod pairs;
 mod pass;
 mod pixel;
@@ -10,6 +11,7 @@ mod stencil;
 
 pub use differences::Differences;
 pub use gradient::GradientTerm;
+pub use local_cosines::LocalCosines;
 pub use pixel::PixelTerm;
 pub use second_order::{Bends, Slopes};
 pub use stencil::{Stencil, StencilTerm, Visit};
