@@ -190,7 +190,7 @@ mod tests {
             let mut z = v.clone();
             let value = g.prox(10..15, &mut z, weight2);
             assert!((value - by_hand(joint, &z)).abs() < 1e-12 && (g.value(10..15, &z) - value).abs() < 1e-12);
-            assert!(z.iter().any(|z| *z == 0.0) && by_hand(joint, &z) > 1.0);
+            assert!(z.contains(&0.0) && by_hand(joint, &z) > 1.0);
             let objective = |z: &[f64]| {
                 by_hand(joint, z) + 0.5 * weight2 * z.iter().zip(&v).map(|(z, v)| (z - v).powi(2)).sum::<f64>()
             };
