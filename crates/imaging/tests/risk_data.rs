@@ -11,7 +11,7 @@ const SIDE: usize = 84;
 /// Boxes, a disc on a ramp, waves: values from 0.05 to 0.95.
 fn picture(which: usize, i: f64, j: f64) -> f64 {
     match which {
-        0 => [0.15, 0.85, 0.4][(i / 19.0) as usize % 3 * usize::from((j / 23.0) as usize % 2 == 0)],
+        0 => [0.15, 0.85, 0.4][(i / 19.0) as usize % 3 * usize::from(((j / 23.0) as usize).is_multiple_of(2))],
         1 if (i - 45.0).hypot(j - 40.0) < 22.0 => 0.9,
         1 => 0.1 + 0.005 * j,
         _ => 0.5 + 0.25 * (0.23 * i + 0.11 * j).sin() + 0.15 * (0.6 * j).cos(),
