@@ -128,13 +128,14 @@ class RestoreSettings(TypedDict, total=False):
     scale: int  # 1
     noise: float | None  # None
     lambda_: float | None  # None
-    regulariser: str  # 'tv'
+    regulariser: str  # 'auto'
     tgv_ratio: float  # 2.0
     variation: str  # 'vectorial'
     range: Sequence[float] | None  # None
     penalty: float | None  # None
     relaxation: float  # 1.8
     anderson: int  # 6
+    tile: int | None  # None
     tol: float  # 0.0001
     max_iters: int  # 5000
     time_limit: float | None  # None
