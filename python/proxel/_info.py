@@ -54,7 +54,7 @@ class Trace:
 
     Every run has `iteration`, `seconds`, `energy`, `gradient_norm`, `position_error`, `primal_residual`,
     `dual_residual`, `merit`, `inner`, `refactorised`, `accepted` and `inverted`; maps have `flips` and `energy_z`,
-    images `duality_gap` and `psnr` too.
+    images `part`, `duality_gap` and `psnr` too.
     """
 
     iteration: NDArray[np.int64]
@@ -71,6 +71,7 @@ class Trace:
     inverted: NDArray[np.int64]
     flips: NDArray[np.int64]
     energy_z: NDArray[np.float64]
+    part: NDArray[np.float64]
     duality_gap: NDArray[np.float64]
     psnr: NDArray[np.float64]
 

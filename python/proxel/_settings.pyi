@@ -135,6 +135,7 @@ class RestoreSettings(TypedDict, total=False):
     penalty: float | None  # None
     relaxation: float  # 1.8
     anderson: int  # 6
+    tile: int | None  # None
     tol: float  # 0.0001
     max_iters: int  # 5000
     time_limit: float | None  # None

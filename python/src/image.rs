@@ -107,6 +107,7 @@ pub fn restore<'py>(
         true => {
             let columns = trace(py, &lines.iter().map(|r| r.row).collect::<Vec<_>>())?;
             let column = |of: fn(&RestoreRow) -> f64| crate::arrays::column(py, lines.iter().map(of).collect());
+            columns.set_item("part", column(|r| r.part as f64))?;
             columns.set_item("duality_gap", column(|r| r.duality_gap))?;
             columns.set_item("psnr", column(|r| r.psnr))?;
             Some(columns)

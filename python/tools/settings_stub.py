@@ -28,6 +28,7 @@ CLASSES = {
 #: What a default of None, or a name among other things, does not tell.
 KNOWN = {
     "threads": "int | None",
+    "tile": "int | None",
     "range": "Sequence[float] | None",
     "strain_limit": "Sequence[float] | None",
     "material": "str | Mapping[str, Any]",

@@ -58,6 +58,8 @@ fn everything_automatic() {
     let r = report(&folder);
     assert_eq!((&r["command"], &r["status"]), (&"deblur".into(), &"converged".into()));
     assert_eq!((&r["method"], &r["boundary"]), (&"relaxed".into(), &"unknown".into()));
+    // Flat pieces: no local cosines.
+    assert_eq!(r["regulariser"], "tv");
     let number = |key: &str| r[key].as_f64().unwrap_or_else(|| panic!("{key} is {}", r[key]));
     // The noise is uniform in +-.01.
     assert!((number("noise") - 0.01 / 3f64.sqrt()).abs() < 0.002, "{}", r["noise"]);
@@ -67,7 +69,7 @@ fn everything_automatic() {
     assert_eq!((file.depth, file.image.width, file.image.height), (seen.depth, SIDE, SIDE));
     let trace = folder.read("t.csv");
     let mut lines = trace.lines();
-    assert!(lines.next().unwrap().ends_with(",duality_gap,psnr"));
+    assert!(lines.next().unwrap().ends_with(",part,duality_gap,psnr"));
     let last: Vec<f64> = trace.lines().last().unwrap().split(',').filter_map(|v| v.parse().ok()).collect();
     assert!((last[last.len() - 2] - number("duality_gap")).abs() < 1e-9 * number("energy"));
     assert_eq!(trace.lines().count() as u64, number("iterations") as u64 + 2);
@@ -156,8 +158,6 @@ fn what_cannot_be_is_refused_by_name() {
         ("denoise seen.png --range 1,0 --out x.png", "--range"),
         ("denoise seen.png --out x.jpg", "png"),
         ("denoise bad.png --out x.png", "bad.png"),
-        ("denoise seen.png --data poisson --out x.png", "--lambda"),
-        ("denoise seen.png --data huber --out x.png", "--lambda"),
         ("denoise seen.png --data cauchy --lambda 9 --out x.png", "poisson"),
         ("denoise seen.png --threshold 0.1 --out x.png", "huber"),
         ("denoise seen.png --data huber --threshold -1 --lambda 9 --out x.png", "--threshold"),
@@ -165,6 +165,10 @@ fn what_cannot_be_is_refused_by_name() {
         ("denoise below.npy --data poisson --lambda 9 --out x.png", "row 0, column 2"),
         ("denoise seen.png --regulariser tgv --boundary neumann --lambda 9 --out x.png", "--boundary unknown"),
         ("denoise seen.png --regulariser tgv --tgv-ratio 0 --out x.png", "--tgv-ratio"),
+        ("denoise seen.png --regulariser frame --boundary neumann --lambda 9 --out x.png", "--boundary unknown"),
+        ("denoise seen.png --tile 0 --lambda 9 --out x.png", "--tile"),
+        ("denoise seen.png --tile all --lambda 9 --out x.png", "--tile"),
+        ("denoise seen.png --tile 60 --lambda 9 --out x.png", "--tile"),
         ("denoise seen.png --scale 0 --out x.png", "--scale"),
         ("denoise seen.png --scale 2 --boundary neumann --lambda 9 --out x.png", "--boundary unknown"),
         ("denoise seen.png --scale 9 --out x.png", "--scale"),
@@ -214,6 +218,9 @@ fn counted_light_and_outliers() {
         (boxes(i, j) + 0.2 * boxes(i, j).sqrt() * noise(i * SIDE + j)).max(0.0)
     });
     let common = "--truth truth.npy --report r.json --quiet --out x.npy";
+    folder.run(&format!("denoise counts.npy --data poisson --tol 1e-4 {common}")).is(0);
+    let automatic = report(&folder);
+    assert!(automatic["lambdas_tried"].as_u64().unwrap() > 2 && automatic["lambda"].as_f64().unwrap() > 0.0);
     folder.run(&format!("denoise counts.npy --data poisson --lambda 15 --tol 1e-5 {common}")).is(0);
     let r = report(&folder);
     assert_eq!((&r["data"], &r["relative_gap"], &r["threshold"]), (&"poisson".into(), &Value::Null, &Value::Null));

@@ -8,7 +8,7 @@ use proxel::imaging::io::read_image;
 use proxel::imaging::restore::psnr;
 use proxel::imaging::{Fourier, Grid, Image, Psf, convolve};
 use proxel::restore::{Hooks, Input, Restored, restore};
-use proxel::settings::RestoreSettings;
+use proxel::settings::{RegulariserName, RestoreSettings};
 use proxel_testkit::SplitMix;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -46,8 +46,8 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     let _ = writeln!(
         context.text,
         "{source}\n\n## What is compared\n\nImages are blurred, noise of standard deviation {NOISE} is added, and what lies within \
-         the reach of the blur from the border is cut off, so that nothing is known beyond it. *auto*: `proxel deblur` with noise, \
-         lambda and boundary automatic; *best lambda*: the best PSNR of {} values around that, by factors of 2; *Wiener*: \
+         the reach of the blur from the border is cut off, so that nothing is known beyond it. *auto*: `proxel deblur \
+         --regulariser auto`, noise, lambda and boundary automatic too; *best lambda*: the best PSNR of {} values around that, by factors of 2; *Wiener*: \
          the better of conj(H) F / (|H|^2 + c) and conj(H) F / (|H|^2 + c L^2), L the Laplacian, with the best constant c, of the \
          image before the border was cut off, which wraps around as it assumes. All in dB on the same pixels, by the truth; at most {most} iterations a run, tolerance 1e-4.\n",
         2 * steps + 1
@@ -56,6 +56,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         "image",
         "blur",
         "noise",
+        "regulariser",
         "lambda",
         "seen",
         "auto",
@@ -66,7 +67,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         "auto - Wiener",
     ];
     let mut table = Table::new(columns.map(str::to_string));
-    let mut csv = "image,blur,noise,lambda,seen,auto,best,best_lambda,wiener\n".to_string();
+    let mut csv = "image,blur,noise,regulariser,lambda,seen,auto,best,best_lambda,wiener\n".to_string();
     for (name, image) in &images {
         for (blur, psf) in blurs(&folder, quick)? {
             let scene = scene(image, psf)?;
@@ -74,6 +75,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
                 tol: 1e-4,
                 max_iters: most,
                 threads: context.options.threads,
+                regulariser: RegulariserName::Auto,
                 ..RestoreSettings::default()
             };
             let auto = solve(&scene, &settings)?;
@@ -81,9 +83,11 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
             let before = psnr(&scene.seen.channels, &scene.truth.channels);
             let reached = psnr(&auto.image.channels, &scene.truth.channels);
             let (mut best, mut at) = (reached, of.lambda);
+            // What was taken, which another lambda alone would not take.
+            let regulariser = RegulariserName::from_name(&of.regulariser).unwrap_or_default();
             for step in (-steps..=steps).filter(|step| *step != 0) {
                 let lambda = of.lambda * 2f64.powi(step);
-                let other = solve(&scene, &RestoreSettings { lambda: Some(lambda), ..settings.clone() })?;
+                let other = solve(&scene, &RestoreSettings { lambda: Some(lambda), regulariser, ..settings.clone() })?;
                 let reached = psnr(&other.image.channels, &scene.truth.channels);
                 if reached > best {
                     (best, at) = (reached, lambda);
@@ -97,6 +101,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
                 name.clone(),
                 blur.clone(),
                 format!("{noise:.4}"),
+                of.regulariser.clone(),
                 format!("{:.0}", of.lambda),
                 db(before),
                 db(reached),
@@ -108,8 +113,8 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
             ]);
             let _ = writeln!(
                 csv,
-                "{name},{blur},{noise:.5},{:.4},{before:.4},{reached:.4},{best:.4},{at:.4},{wiener:.4}",
-                of.lambda
+                "{name},{blur},{noise:.5},{},{:.4},{before:.4},{reached:.4},{best:.4},{at:.4},{wiener:.4}",
+                of.regulariser, of.lambda
             );
         }
     }

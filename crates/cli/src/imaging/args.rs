@@ -95,7 +95,8 @@ pub struct RestoreMethodArgs {
     /// aa-zu: on z and u.
     #[arg(long, value_name = "NAME", value_parser = methods(), default_value = RestoreMethod::default().as_str())]
     pub method: String,
-    /// Standard deviation of the noise, for pixels from 0 to 1, or auto: estimated.
+    /// Standard deviation of the noise, for pixels from 0 to 1, or auto: estimated. With --data poisson that of a pixel of value 1:
+    /// the root of the value of one count.
     #[arg(long, value_name = "auto|SIGMA", default_value = "auto", allow_negative_numbers = true)]
     pub noise: String,
     /// Weight of what was seen, or auto: by an estimate of the risk.
@@ -106,7 +107,7 @@ pub struct RestoreMethodArgs {
     #[arg(long, value_name = "NAME", value_parser = boundaries(), default_value = BoundaryName::default().as_str())]
     pub boundary: String,
     /// How what was seen is compared. quadratic: normal noise; poisson: counted light, with lambda = 1 / (value of one count);
-    /// huber: outliers. The latter two need --lambda.
+    /// huber: outliers.
     #[arg(long, value_name = "NAME", value_parser = data(), default_value = DataName::default().as_str())]
     pub data: String,
     /// What huber takes for a small difference, or auto: 1.345 times the noise.
@@ -117,12 +118,17 @@ pub struct RestoreMethodArgs {
     #[arg(long, value_name = "S", default_value_t = RestoreSettings::default().scale)]
     pub scale: usize,
     /// What is asked of the image. tv: total variation, flat pieces; tgv: second-order total generalised variation, pieces whose
-    /// slope is constant, which has no --boundary neumann.
+    /// slope is constant; frame: local cosines, fine texture; auto: tv, or under a blur and with --lambda auto frame where its
+    /// estimated risk is clearly less. tgv and frame have no --boundary neumann.
     #[arg(long, value_name = "NAME", value_parser = regularisers(), default_value = RegulariserName::default().as_str())]
     pub regulariser: String,
     /// What a change of slope costs in tgv, over a step: in pixels.
     #[arg(long, value_name = "R", default_value_t = RestoreSettings::default().tgv_ratio, allow_negative_numbers = true)]
     pub tgv_ratio: f64,
+    /// Solve for images with more rows or columns than N in overlapping parts of at most N x N, one after another: memory goes
+    /// by a part. auto: images that would take more than 4 GiB, in parts that take that.
+    #[arg(long, value_name = "auto|N", default_value = "auto", allow_negative_numbers = true)]
+    pub tile: String,
     /// vectorial: edges of all colours at one place; channels: each colour by itself; anisotropic: rows and columns by
     /// themselves.
     #[arg(long, value_name = "NAME", value_parser = variations(), default_value = VariationName::default().as_str())]
@@ -176,6 +182,14 @@ fn auto_or(option: &str, text: &str) -> Result<Option<f64>, Refusal> {
     text.parse().map(Some).map_err(|_| Refusal::new(format!("{option} is `{text}`; give auto or a positive number")))
 }
 
+/// Pixels, or none for auto.
+fn tile(text: &str) -> Result<Option<usize>, Refusal> {
+    if text == "auto" {
+        return Ok(None);
+    }
+    text.parse().map(Some).map_err(|_| Refusal::new(format!("--tile is `{text}`; give auto or a number of pixels")))
+}
+
 impl RestoreArgs {
     /// Settings and what they cannot be.
     pub fn settings(&self) -> Result<RestoreSettings, Refusal> {
@@ -190,6 +204,7 @@ impl RestoreArgs {
             scale: m.scale,
             regulariser: RegulariserName::from_name(&m.regulariser).unwrap_or_default(),
             tgv_ratio: m.tgv_ratio,
+            tile: tile(&m.tile)?,
             noise: auto_or("--noise", &m.noise)?,
             lambda: auto_or("--lambda", &m.lambda)?,
             variation: VariationName::from_name(&m.variation).unwrap_or_default(),

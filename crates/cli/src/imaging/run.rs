@@ -168,7 +168,7 @@ fn write(
         say!("{} after {} iterations, {seconds:.2} s: {}", report.status, report.iterations, report.reason);
         if let Some(of) = &report.restore {
             let noise = of.noise.map_or(String::new(), |noise| format!(", noise {noise:.4}"));
-            say!("lambda {:.4}{noise}, boundary {}", of.lambda, of.boundary);
+            say!("lambda {:.4}{noise}, boundary {}, regulariser {}", of.lambda, of.boundary, of.regulariser);
             if let (Some(before), Some(after)) = (of.psnr_input, of.psnr) {
                 say!("PSNR {after:.2} dB, {before:.2} dB before");
             }

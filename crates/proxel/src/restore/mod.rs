@@ -14,22 +14,23 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod known;
 mod preview;
+mod tiles;
 mod watch;
 
 use crate::deform::TimeLimit;
 use crate::report::{Report, RestoreReport, Seconds};
-use crate::settings::{BoundaryName, DataName, RegulariserName, RestoreMethod, RestoreSettings, VariationName};
+use crate::settings::{BoundaryName, RegulariserName, RestoreMethod, RestoreSettings};
 use crate::threads;
-use proxel_imaging::restore::{
-    Data, Edges, Iteration, Model, Regulariser, RiskSettings, choose_lambda, noise_level, psnr,
-};
-use proxel_imaging::{Image, ImageError, Norm, Psf};
-use proxel_split::{Cancel, IterationLimit, ResidualTolerance, Status, Stop, SystemError, run};
+use known::{Known, known};
+use proxel_imaging::restore::{Data, Edges, Gap, Iteration, Model, Regulariser, psnr};
+use proxel_imaging::{Image, ImageError, Psf};
+use proxel_split::{Cancel, IterationLimit, Outcome, ResidualTolerance, Residuals, Status, Stop, SystemError, run};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
-use watch::{GapTolerance, Watcher};
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+use watch::{GapTolerance, Part, Watcher};
 
 pub use preview::draw_restored;
 pub use watch::RestoreRow;
@@ -111,101 +112,29 @@ pub fn restore(input: &Input<'_>, settings: &RestoreSettings, hooks: &mut Hooks<
     Ok(restored)
 }
 
-/// What is said of the model when it is made.
-struct Known {
-    model: Model,
-    noise: Option<f64>,
-    tried: usize,
-    warnings: Vec<String>,
+fn finite(v: f64) -> Option<f64> {
+    Some(v).filter(|v| v.is_finite())
 }
 
-/// Of the noise's standard deviation: where normal noise has no outliers, Huber's estimate has 95 % of the efficiency of the
-/// mean.
-const TUNING: f64 = 1.345;
-
-fn known(
-    input: &Input<'_>,
-    settings: &RestoreSettings,
-    cancel: &AtomicBool,
-    began: Instant,
-) -> Result<Known, RestoreError> {
-    let blurs = input.psf.weights.len() > 1 || settings.scale > 1;
-    let bends = settings.regulariser == RegulariserName::Tgv;
-    let edges = match settings.boundary {
-        BoundaryName::Periodic => Edges::Periodic,
-        BoundaryName::Neumann => Edges::Neumann,
-        BoundaryName::Auto | BoundaryName::Unknown if blurs || bends => Edges::Unknown,
-        // Nothing beyond the border counts, and a mirroring one says so without a larger field.
-        BoundaryName::Auto | BoundaryName::Unknown => Edges::Neumann,
-    };
-    let mut model = Model::new(input.image, input.psf.clone(), edges, settings.lambda.unwrap_or(1.0));
-    model.scale = settings.scale;
-    if bends {
-        model.regulariser = Regulariser::Tgv { ratio: settings.tgv_ratio };
-    }
-    model.norm = match settings.variation {
-        VariationName::Vectorial => Norm::Vectorial,
-        VariationName::Channels => Norm::Channels,
-        VariationName::Anisotropic => Norm::Differences,
-    };
-    model.mask = input.mask.map(|mask| mask.iter().map(|m| f64::from(u8::from(*m > 0.0))).collect());
-    model.range = settings.range;
-    model.penalty = settings.penalty;
-    let (mut noise, mut tried) = (settings.noise, 0);
-    model.data = match settings.data {
-        DataName::Quadratic => Data::Squares,
-        DataName::Poisson => Data::Poisson,
-        DataName::Huber => {
-            noise = noise.or_else(|| noise_level(model.width, model.height, &model.channels));
-            let found = settings.threshold.or(noise.map(|noise| TUNING * noise)).filter(|delta| *delta > 0.0);
-            let none = "no noise was found in the image by which huber could tell large differences; give --threshold";
-            Data::Huber { delta: found.ok_or_else(|| RestoreError(none.to_string()))? }
-        }
-    };
-    model.check()?;
-    if let Some(truth) = input.truth {
-        let size = |image: &Image| (image.width, image.height, image.channels.len());
-        let (w, h, c) = size(input.image);
-        let (w, h) = (w * model.scale, h * model.scale);
-        let (tw, th, tc) = size(truth);
-        if (tw, th, tc) != (w, h, c) {
-            let text = format!("the truth is {tw} x {th} of {tc} channels, the result {w} x {h} of {c}");
-            return Err(RestoreError(text));
-        }
-    }
-    let mut warnings = Vec::new();
-    if settings.lambda.is_none() {
-        if noise.is_none() {
-            noise = noise_level(model.width, model.height, &model.channels);
-        }
-        let level =
-            noise.ok_or_else(|| RestoreError("the image is too small to estimate its noise; give --lambda".into()))?;
-        if level <= 0.0 {
-            let text = "no noise was found in the image, so that lambda has no measure; give --noise or --lambda";
-            return Err(RestoreError(text.to_string()));
-        }
-        // Half of the time is the solver's.
-        let limit = settings.time_limit.map(|s| Duration::from_secs_f64(s / 2.0));
-        let mut late = || cancel.load(Ordering::Relaxed) || limit.is_some_and(|limit| began.elapsed() > limit);
-        let risks = choose_lambda(&model, level, &RiskSettings::default(), &mut late)?;
-        tried = risks.len().saturating_sub(1);
-        if let Some(risk) = risks.last() {
-            model.lambda = risk.lambda;
-        }
-        if late() {
-            warnings.push("time was up before the least risk was bracketed: lambda is the best so far".to_string());
-        }
-    }
-    Ok(Known { model, noise, tried, warnings })
+/// What became of one problem.
+struct Run {
+    /// How it ended; its fields are in `planes`.
+    outcome: Outcome,
+    planes: Vec<Vec<f64>>,
+    gap: Option<Gap>,
+    residuals: Residuals,
+    field: [usize; 2],
+    /// Seconds until the first iteration.
+    setup: f64,
 }
 
-fn solve(
-    input: &Input<'_>,
+fn run_model(
+    model: &Model,
     settings: &RestoreSettings,
     hooks: &mut Hooks<'_>,
     began: Instant,
-) -> Result<Restored, RestoreError> {
-    let Known { model, noise, tried, warnings } = known(input, settings, &hooks.cancel, began)?;
+    part: Part<'_>,
+) -> Result<Run, RestoreError> {
     let built = model.build(None)?;
     let field = built.field.clone();
     let (relaxation, window) = (settings.relaxation, settings.anderson);
@@ -216,11 +145,7 @@ fn solve(
         RestoreMethod::Aa => Iteration::Anderson { window, both: false, relaxation },
         RestoreMethod::AaZu => Iteration::Anderson { window, both: true, relaxation: 1.0 },
     };
-    let method = match settings.method {
-        RestoreMethod::Auto => RestoreMethod::Relaxed,
-        method => method,
-    };
-    let mut iterated = built.method(method.as_str(), iteration)?;
+    let mut iterated = built.method(taken(settings.method).as_str(), iteration)?;
     let setup = began.elapsed().as_secs_f64();
     let mut gap = GapTolerance::new(settings.tol, &field);
     let mut residuals = ResidualTolerance::new(settings.tol);
@@ -230,58 +155,109 @@ fn solve(
     let hard = model.range.is_some() || model.data == Data::Poisson;
     let converged: &mut dyn Stop = if hard { &mut residuals } else { &mut gap };
     let mut stops: Vec<&mut dyn Stop> = vec![converged, &mut cancel, &mut time, &mut limit];
-    let mut watcher = Watcher::new(hooks, began, &field, input.truth);
-    let outcome = run(iterated.as_mut(), &mut stops, &mut watcher);
+    let mut watcher = Watcher::new(hooks, began, &field, part);
+    let mut outcome = run(iterated.as_mut(), &mut stops, &mut watcher);
     let last = outcome.is_last && outcome.iterations > 0;
-    let end = if last { gap.at(outcome.iterations, iterated.as_mut()) } else { None };
-    let measured = iterated.residuals();
-    let channels = field.image(&outcome.x);
-    let image = Image::new(field.size.0, field.size.1, channels)?;
-    let finite = |v: f64| Some(v).filter(|v| v.is_finite());
-    let of = RestoreReport {
-        boundary: match model.edges {
-            Edges::Periodic => BoundaryName::Periodic,
-            Edges::Neumann => BoundaryName::Neumann,
-            Edges::Unknown => BoundaryName::Unknown,
-        }
-        .as_str()
-        .to_string(),
+    let gap = if last { gap.at(outcome.iterations, iterated.as_mut()) } else { None };
+    let planes = field.image(&std::mem::take(&mut outcome.x));
+    let residuals = iterated.residuals();
+    Ok(Run { outcome, planes, gap, residuals, field: [field.grid.width, field.grid.height], setup })
+}
+
+/// What `auto` is.
+fn taken(method: RestoreMethod) -> RestoreMethod {
+    if method == RestoreMethod::Auto { RestoreMethod::Relaxed } else { method }
+}
+
+fn solve(
+    input: &Input<'_>,
+    settings: &RestoreSettings,
+    hooks: &mut Hooks<'_>,
+    began: Instant,
+) -> Result<Restored, RestoreError> {
+    let Known { model, noise, tried, warnings } = known(input, settings, &hooks.cancel, began)?;
+    let mut of = about(&model, settings, (noise, tried));
+    let mut report = Report {
+        version: env!("CARGO_PKG_VERSION").to_string(),
+        command: input.command.to_string(),
+        settings: serde_json::to_value(settings).unwrap_or_default(),
+        method: taken(settings.method).as_str().to_string(),
+        warnings,
+        ..Report::default()
+    };
+    let (image, status, setup);
+    if let Some(side) = tiles::side(&model, settings.tile) {
+        setup = began.elapsed().as_secs_f64();
+        let tiled = tiles::restore(input, model, settings, side, hooks, began)?;
+        (image, status) = (tiled.image, tiled.status);
+        (report.reason, report.iterations) = (tiled.reason, tiled.iterations);
+        [report.accepted, report.rejected] = tiled.proposals;
+        [report.primal_residual, report.dual_residual] = tiled.residuals;
+        (of.field, of.tiles) = (tiled.field, tiled.parts);
+        of.relative_gap = tiled.gap.map(|gap| gap.relative());
+        of.gap_range = tiled.gap.and_then(|gap| gap.range);
+    } else {
+        let run = run_model(&model, settings, hooks, began, Part { index: 0, truth: input.truth })?;
+        let outcome = run.outcome;
+        image = Image::new(model.width * model.scale, model.height * model.scale, run.planes)?;
+        (status, setup) = (outcome.status, run.setup);
+        (report.reason, report.iterations, report.inner_iterations) =
+            (outcome.reason, outcome.iterations, outcome.inner_iterations);
+        (report.accepted, report.rejected, report.energy) =
+            (outcome.accepted, outcome.rejected, finite(outcome.energy.value));
+        (report.primal_residual, report.dual_residual) = (finite(run.residuals.primal), finite(run.residuals.dual));
+        of.field = run.field;
+        of.duality_gap = run.gap.map(|gap| gap.gap);
+        of.relative_gap = run.gap.map(|gap| gap.relative());
+        of.gap_range = run.gap.and_then(|gap| gap.range);
+    }
+    of.psnr = input.truth.and_then(|truth| finite(psnr(&image.channels, &truth.channels)));
+    let same = input.truth.filter(|_| settings.scale == 1);
+    of.psnr_input = same.and_then(|truth| finite(psnr(&input.image.channels, &truth.channels)));
+    report.status = status.as_str().to_string();
+    report.seconds = Seconds { setup, solve: began.elapsed().as_secs_f64() - setup, ..Seconds::default() };
+    report.restore = Some(of);
+    Ok(Restored { image, status, report })
+}
+
+/// What is known of a restoration before it runs.
+fn about(model: &Model, settings: &RestoreSettings, (noise, tried): (Option<f64>, usize)) -> RestoreReport {
+    let boundary = match model.edges {
+        Edges::Periodic => BoundaryName::Periodic,
+        Edges::Neumann => BoundaryName::Neumann,
+        Edges::Unknown => BoundaryName::Unknown,
+    };
+    let regulariser = match model.regulariser {
+        Regulariser::Tv => RegulariserName::Tv,
+        Regulariser::Tgv { .. } => RegulariserName::Tgv,
+        Regulariser::Frame => RegulariserName::Frame,
+    };
+    RestoreReport {
+        boundary: boundary.as_str().to_string(),
         data: settings.data.as_str().to_string(),
         threshold: if let Data::Huber { delta } = model.data { Some(delta) } else { None },
         scale: model.scale,
-        regulariser: settings.regulariser.as_str().to_string(),
+        regulariser: regulariser.as_str().to_string(),
+        objective: objective(model),
         lambda: model.lambda,
         lambdas_tried: tried,
         noise,
         penalty: model.penalties().0,
-        field: [field.grid.width, field.grid.height],
-        duality_gap: end.map(|gap| gap.gap),
-        relative_gap: end.map(|gap| gap.relative()),
-        gap_range: end.and_then(|gap| gap.range),
-        psnr: input.truth.and_then(|truth| finite(psnr(&image.channels, &truth.channels))),
-        psnr_input: input
-            .truth
-            .filter(|_| model.scale == 1)
-            .and_then(|truth| finite(psnr(&input.image.channels, &truth.channels))),
+        ..RestoreReport::default()
+    }
+}
+
+/// What is minimised, in words of ASCII; M leaves out what was not measured.
+fn objective(model: &Model) -> String {
+    let data = match model.data {
+        Data::Squares => "|M (K x - f)|^2",
+        Data::Poisson => "sum M (K x - f log(K x))",
+        Data::Huber { .. } => "sum M huber(K x - f)",
     };
-    let report = Report {
-        version: env!("CARGO_PKG_VERSION").to_string(),
-        command: input.command.to_string(),
-        settings: serde_json::to_value(settings).unwrap_or_default(),
-        method: method.as_str().to_string(),
-        status: outcome.status.as_str().to_string(),
-        reason: outcome.reason,
-        iterations: outcome.iterations,
-        inner_iterations: outcome.inner_iterations,
-        energy: finite(outcome.energy.value),
-        primal_residual: finite(measured.primal),
-        dual_residual: finite(measured.dual),
-        accepted: outcome.accepted,
-        rejected: outcome.rejected,
-        warnings,
-        seconds: Seconds { setup, solve: began.elapsed().as_secs_f64() - setup, ..Seconds::default() },
-        restore: Some(of),
-        ..Report::default()
+    let regulariser = match model.regulariser {
+        Regulariser::Tv => "sum |grad x|",
+        Regulariser::Tgv { .. } => "min over w of sum |grad x - w| + R |E w|",
+        Regulariser::Frame => "sum over (k, l) other than (0, 0) of |W_kl x| / sqrt(k^2 + l^2)",
     };
-    Ok(Restored { image, status: outcome.status, report })
+    format!("lambda {data} + {regulariser}")
 }

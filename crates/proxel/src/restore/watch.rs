@@ -108,6 +108,8 @@ impl Stop for GapTolerance<'_> {
 pub struct RestoreRow {
     /// What every trace has.
     pub row: TraceRow,
+    /// Which part of the image it is about, from 0; 0 where it was not cut to parts.
+    pub part: usize,
     /// How much lower the objective can be at most; infinite where there is no bound.
     pub duality_gap: f64,
     /// In dB against the truth; infinite where there is none.
@@ -117,13 +119,23 @@ pub struct RestoreRow {
 impl RestoreRow {
     /// The header of the CSV file.
     pub fn header() -> String {
-        format!("{},duality_gap,psnr", TraceRow::HEADER)
+        format!("{},part,duality_gap,psnr", TraceRow::HEADER)
     }
 
     /// A line of it.
     pub fn to_csv(&self) -> String {
-        format!("{},{},{}", self.row.to_csv(), TraceRow::number(self.duality_gap), TraceRow::number(self.psnr))
+        let (gap, psnr) = (TraceRow::number(self.duality_gap), TraceRow::number(self.psnr));
+        format!("{},{},{gap},{psnr}", self.row.to_csv(), self.part)
     }
+}
+
+/// Of what an image was cut to.
+#[derive(Clone, Copy)]
+pub(super) struct Part<'a> {
+    /// From 0.
+    pub(super) index: usize,
+    /// What is to be found, to measure against.
+    pub(super) truth: Option<&'a Image>,
 }
 
 /// Feeds the hooks.
@@ -133,12 +145,12 @@ pub(super) struct Watcher<'a, 'b> {
     watching: Duration, // time spent on what only the hooks need
     field: &'a Field,
     certifier: Certifier,
-    truth: Option<&'a Image>,
+    part: Part<'a>,
 }
 
 impl<'a, 'b> Watcher<'a, 'b> {
-    pub(super) fn new(hooks: &'a mut Hooks<'b>, began: Instant, field: &'a Field, truth: Option<&'a Image>) -> Self {
-        Watcher { hooks, began, watching: Duration::ZERO, field, certifier: Certifier::default(), truth }
+    pub(super) fn new(hooks: &'a mut Hooks<'b>, began: Instant, field: &'a Field, part: Part<'a>) -> Self {
+        Watcher { hooks, began, watching: Duration::ZERO, field, certifier: Certifier::default(), part }
     }
 }
 
@@ -169,8 +181,8 @@ impl Observer for Watcher<'_, '_> {
             // Before the first step forces are no subgradients, and there is no bound.
             let bound = (report.iteration > 0).then(|| self.certifier.gap(method, self.field)).flatten();
             let gap = bound.map_or(f64::INFINITY, |gap| gap.gap);
-            let psnr = self.truth.map_or(f64::INFINITY, |t| psnr(&self.field.image(method.x()), &t.channels));
-            trace(&RestoreRow { row, duality_gap: gap, psnr });
+            let psnr = self.part.truth.map_or(f64::INFINITY, |t| psnr(&self.field.image(method.x()), &t.channels));
+            trace(&RestoreRow { row, part: self.part.index, duality_gap: gap, psnr });
         }
         self.watching += now.elapsed();
     }

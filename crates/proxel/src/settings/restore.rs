@@ -124,22 +124,29 @@ impl DataName {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RegulariserName {
+    /// `tv`, or `frame` where lambda is `auto` too, data are squares under a blur, and its estimated risk is clearly less.
+    Auto,
     /// Total variation: flat pieces.
     #[default]
     Tv,
     /// Second-order total generalised variation: pieces whose slope is constant.
     Tgv,
+    /// A frame of local cosines: fine texture.
+    Frame,
 }
 
 impl RegulariserName {
     /// All of them.
-    pub const ALL: [RegulariserName; 2] = [RegulariserName::Tv, RegulariserName::Tgv];
+    pub const ALL: [RegulariserName; 4] =
+        [RegulariserName::Auto, RegulariserName::Tv, RegulariserName::Tgv, RegulariserName::Frame];
 
     /// As on the command line.
     pub fn as_str(self) -> &'static str {
         match self {
+            RegulariserName::Auto => "auto",
             RegulariserName::Tv => "tv",
             RegulariserName::Tgv => "tgv",
+            RegulariserName::Frame => "frame",
         }
     }
 
@@ -195,7 +202,7 @@ pub struct RestoreSettings {
     pub threshold: Option<f64>,
     /// The result has so many times the rows and columns of what was seen.
     pub scale: usize,
-    /// Standard deviation of the noise; estimated if none.
+    /// Standard deviation of the noise, under `poisson` that of a pixel of value 1; estimated if none.
     pub noise: Option<f64>,
     /// lambda_1 of A(31), lambda_2 being 1; by an estimate of the risk if none.
     pub lambda: Option<f64>,
@@ -213,6 +220,9 @@ pub struct RestoreSettings {
     pub relaxation: f64,
     /// Columns of Anderson's history.
     pub anderson: usize,
+    /// Images with more rows or columns than this are solved for in overlapping parts of so many at most; if none, those that
+    /// would take more than 4 GiB, in parts that take that.
+    pub tile: Option<usize>,
     /// Converged when the duality gap is below this part of the objective; with a range, when primal and dual residual are
     /// below it.
     pub tol: f64,
@@ -241,6 +251,7 @@ impl Default for RestoreSettings {
             penalty: None,
             relaxation: 1.8,
             anderson: 6,
+            tile: None,
             tol: 1e-4,
             max_iters: 5000,
             time_limit: None,
@@ -276,14 +287,11 @@ impl RestoreSettings {
         if !(1..=MOST_SCALE).contains(&self.scale) {
             return Err(format!("--scale is {}; give 1 to {MOST_SCALE}", self.scale));
         }
-        if self.lambda.is_none() && self.data != DataName::Quadratic {
-            return Err(format!(
-                "--lambda auto estimates the risk for normal noise; with --data {} give a number",
-                self.data.as_str()
-            ));
-        }
         if self.threshold.is_some() && self.data != DataName::Huber {
             return Err("--threshold is for --data huber".to_string());
+        }
+        if self.tile == Some(0) {
+            return Err("--tile is 0; give auto or the pixels of a part's side".to_string());
         }
         if let Some([low, high]) = self.range
             && !(low < high && low.is_finite())
