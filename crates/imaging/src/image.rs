@@ -44,7 +44,10 @@ impl Image {
             }
             if let Some(k) = plane.iter().position(|v| !v.is_finite()) {
                 let (row, column, value) = (k / width, k % width, plane[k]);
-                return Err(ImageError(format!("channel {c}, row {row}, column {column}: the value is {value}")));
+                let place = format!("channel {c}, row {row}, column {column}");
+                return Err(ImageError(format!(
+                    "{place}: the value is {value}; put a number there (inpaint finds such pixels by a --mask)"
+                )));
             }
         }
         Ok(Image { width, height, channels })

@@ -140,7 +140,7 @@ fn bytes(model: &Model) -> f64 {
     let held = model.edges != Edges::Unknown && model.mask.is_none() && model.scale == 1;
     match model.regulariser {
         Regulariser::Tgv { .. } => 500.0,
-        Regulariser::Frame => 1000.0,
+        Regulariser::Frame => 1200.0,
         Regulariser::Tv if held => 240.0,
         Regulariser::Tv => 300.0,
     }
