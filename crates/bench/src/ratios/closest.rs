@@ -5,8 +5,8 @@ use crate::BenchError;
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQueryWithLocation;
 use parry3d_f64::shape::TriMesh;
+use proxel::mesh::generate;
 use proxel::mesh::topology::boundary_surface;
-use proxel::mesh::{generate, read_mesh};
 use proxel::model::constraint::{Closest, Hint, Surface, V3};
 use proxel_testkit::random::SplitMix;
 use std::hint::black_box;
@@ -29,7 +29,7 @@ struct Reference {
 fn reference() -> Result<Reference, BenchError> {
     let file = std::env::var_os("PROXEL_DATA").map(|root| PathBuf::from(root).join("geometry/MaleTorso_target.obj"));
     if let Some(file) = file.filter(|file| file.is_file()) {
-        let mesh = read_mesh(&file).map_err(BenchError::from_display)?;
+        let mesh = super::read(&file)?;
         return Ok(Reference { name: mesh.name.clone(), triangles: mesh.faces.fan_triangles(), points: mesh.points });
     }
     let ball = generate::ball(1.0, 0.03).map_err(BenchError::from_display)?;

@@ -5,7 +5,7 @@ use crate::BenchError;
 use crate::parts::pool;
 use proxel::geodesic::gradient_problem;
 use proxel::mesh::topology::boundary_surface;
-use proxel::mesh::{Mesh, generate, read_mesh};
+use proxel::mesh::{Mesh, generate};
 use proxel::settings::{GeodesicSettings, GradientForm};
 use proxel::split::{Admm, AdmmSettings, Cycle, Direct, Method, Order};
 use rayon::prelude::*;
@@ -50,7 +50,7 @@ fn quartered(mesh: &Mesh) -> Mesh {
 fn surface() -> Result<(Mesh, u32), BenchError> {
     let path = std::env::var_os("PROXEL_DATA").map(|root| PathBuf::from(root).join("geodesic/bunny_nf42k.obj"));
     if let Some(path) = path.filter(|path| path.is_file()) {
-        return Ok((read_mesh(&path).map_err(BenchError::from_display)?, 9689));
+        return Ok((super::read(&path)?, 9689));
     }
     let ball = generate::ball(1.0, 0.03).map_err(BenchError::from_display)?;
     let skin = Mesh::from_triangles("ball", ball.points.clone(), &boundary_surface(&ball.tets));

@@ -20,7 +20,9 @@ pub use samples::Samples;
 use crate::BenchError;
 use crate::parts::centaur_or_beam;
 use crate::table::Table;
+use proxel::mesh::{Mesh, read_mesh};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// One line of the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,6 +91,13 @@ pub fn table(rows: &[Row]) -> String {
         ]);
     }
     table.to_string()
+}
+
+/// A mesh, called as its file is, wherever that lies: rows are committed.
+fn read(file: &Path) -> Result<Mesh, BenchError> {
+    let mesh = read_mesh(file).map_err(BenchError::from_display)?;
+    let name = file.file_name().map_or(mesh.name.clone(), |name| name.to_string_lossy().into_owned());
+    Ok(Mesh { name, ..mesh })
 }
 
 /// Rows by the first word of their name.

@@ -4,7 +4,7 @@ use super::{Row, Samples, Threshold};
 use crate::BenchError;
 use crate::parts::pool;
 use proxel::mesh::topology::face_edges;
-use proxel::mesh::{Mesh, Polygons, read_mesh};
+use proxel::mesh::{Mesh, Polygons};
 use proxel::model::constraint::{
     AngleRange, Batch, Cells, EdgeDifference, Hold, Length, Near, Surface, TipDifferences, Vertex,
 };
@@ -25,9 +25,8 @@ const BEFORE: usize = 3;
 fn meshes() -> Result<(Mesh, Mesh), BenchError> {
     let folder = std::env::var_os("PROXEL_DATA").map(|root| PathBuf::from(root).join("geometry"));
     if let Some(folder) = folder.filter(|folder| folder.join("MaleTorso.obj").is_file()) {
-        let [coarse, reference] = ["MaleTorso.obj", "MaleTorso_target.obj"].map(|name| read_mesh(&folder.join(name)));
-        let mesh = subdivide(&coarse.map_err(BenchError::from_display)?).map_err(BenchError::from_display)?;
-        return Ok((mesh, reference.map_err(BenchError::from_display)?));
+        let [coarse, reference] = ["MaleTorso.obj", "MaleTorso_target.obj"].map(|name| super::read(&folder.join(name)));
+        return Ok((subdivide(&coarse?).map_err(BenchError::from_display)?, reference?));
     }
     let n = 200_u32;
     let mut sheet = Mesh { name: "sheet".to_string(), faces: Polygons::new(), ..Mesh::default() };

@@ -147,7 +147,7 @@ fn run_model(
     };
     let mut iterated = built.method(taken(settings.method).as_str(), iteration)?;
     let setup = began.elapsed().as_secs_f64();
-    let mut gap = GapTolerance::new(settings.tol, &field);
+    let mut gap = GapTolerance::new(settings.tol, settings.max_iters, &field);
     let mut residuals = ResidualTolerance::new(settings.tol);
     let mut cancel = Cancel(hooks.cancel.clone());
     let mut time = TimeLimit::new(began, settings.time_limit);
