@@ -162,14 +162,14 @@ fn verdict(end: &Ended, memory: Option<u64>) -> (End, Option<String>) {
         Some(130) => (End::Cancelled, None),
         _ if end.asked => (End::Cancelled, Some("cancelled".to_owned())),
         code => {
-            let said = one_line(&end.messages);
-            // What Rust says when an allocation fails, before it aborts.
-            if said.contains("memory allocation of") {
+            // What Rust says when an allocation fails, before it aborts; a backtrace may follow, which would hide the remedy.
+            if let Some(said) = end.messages.lines().find(|line| line.contains("memory allocation of")) {
                 let limit = memory.map_or("raise the machine's memory".to_owned(), |b| {
                     format!("the limit is {b} bytes, raise --memory-limit")
                 });
-                return (End::Memory, Some(format!("{said}; {limit}")));
+                return (End::Memory, Some(format!("{}; {limit}", said.trim())));
             }
+            let said = one_line(&end.messages);
             let how = match (code, end.signal) {
                 (Some(code), _) => format!("exit status {code}"),
                 (None, Some(9)) => "killed by signal 9, perhaps as the system ran out of memory: use fewer --jobs, or \
@@ -236,7 +236,10 @@ mod tests {
         }
         let aborted = ended(None, Some(6), "memory allocation of 4096 bytes failed\n");
         assert_eq!(status(&aborted), End::Memory);
-        assert!(verdict(&aborted, Some(77)).1.unwrap().contains("77 bytes"));
+        let why = "memory allocation of 4096 bytes failed; the limit is 77 bytes, raise --memory-limit";
+        assert_eq!(verdict(&aborted, Some(77)).1.unwrap(), why);
+        let traced = "memory allocation of 4096 bytes failed\nstack backtrace:\n   0: std::alloc::rust_oom\n";
+        assert_eq!(verdict(&ended(None, Some(6), traced), Some(77)).1.unwrap(), why);
         let panicked = ended(Some(101), None, "\nthread 'main' panicked at x.rs:1:2:\nindex out of bounds\n");
         let (end, why) = verdict(&panicked, None);
         assert_eq!(end, End::Crashed);
