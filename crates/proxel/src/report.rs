@@ -114,14 +114,15 @@ pub struct RestoreReport {
     pub lambda: f64,
     /// How many were compared by their estimated risk; 0 where it was given.
     pub lambdas_tried: usize,
-    /// Standard deviation of the noise (under poisson that of a pixel of value 1), as given or estimated; null where neither was asked for.
+    /// Standard deviation of the noise (under poisson that of a pixel of value 1), as given or estimated; null where neither
+    /// was asked for.
     pub noise: Option<f64>,
     /// Penalty of the splitting.
     pub penalty: f64,
     /// Columns and rows of the field that was solved for; the most of a part where there were parts.
     pub field: [usize; 2],
-    /// Parts that the image was cut to; 0 where it was solved for as a whole. `relative_gap` is then the largest of a part with its
-    /// `gap_range`, residuals are the largest, iterations those of all, and there is no objective of the whole.
+    /// Parts that the image was cut to; 0 where it was solved for as a whole. `relative_gap` is then the largest of a part with
+    /// its `gap_range`, residuals are the largest, iterations those of all, and there is no objective of the whole.
     pub tiles: usize,
     /// How much lower the objective can be at most, over images with values in `gap_range`; null where there is no bound.
     pub duality_gap: Option<f64>,

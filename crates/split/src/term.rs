@@ -223,9 +223,10 @@ pub trait Term: Send + Sync {
         report
     }
 
-    /// As [`Term::cycle_step`], but what is added to `pull`, or is set there if it `begins` with this term, is the gradient of the penalty at x = 0 with the new p, that is
-    /// -D^T W^2 p, for linear couplings. Global steps that ask for it ([`crate::Pull::AtOrigin`]) are exact: of the report,
-    /// what only inexact ones ask for (`value_before`, `penalty_before`, `penalty_after`, `objective`) may be left at 0.
+    /// As [`Term::cycle_step`], but what is added to `pull`, or is set there if it `begins` with this term, is the gradient of
+    /// the penalty at x = 0 with the new p, that is -D^T W^2 p, for linear couplings. Global steps that ask for it
+    /// ([`crate::Pull::AtOrigin`]) are exact: of the report, what only inexact ones ask for (`value_before`, `penalty_before`,
+    /// `penalty_after`, `objective`) may be left at 0.
     ///
     /// The provided method takes a penalty of its own at x = 0.
     fn pull_step(

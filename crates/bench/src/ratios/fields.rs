@@ -65,8 +65,8 @@ struct Arrays {
 }
 
 impl Arrays {
-    /// For `nodes` with `dim` numbers each and copies of them in `slots`: x, that of before, p, u, the images of the copies; targets,
-    /// stiffness and diagonal of the nodes, weight, direction or share, and the index (half a number) of each slot.
+    /// For `nodes` with `dim` numbers each and copies of them in `slots`: x, that of before, p, u, the images of the copies;
+    /// targets, stiffness and diagonal of the nodes, weight, direction or share, and the index (half a number) of each slot.
     fn new(dim: usize, nodes: usize, slots: usize) -> Self {
         let of = |lengths: &[usize]| lengths.iter().map(|n| vec![0.5; *n]).collect();
         let written = of(&[dim * nodes, dim * nodes, dim * slots, dim * slots, slots]);

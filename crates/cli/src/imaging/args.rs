@@ -95,8 +95,8 @@ pub struct RestoreMethodArgs {
     /// aa-zu: on z and u.
     #[arg(long, value_name = "NAME", value_parser = methods(), default_value = RestoreMethod::default().as_str())]
     pub method: String,
-    /// Standard deviation of the noise, for pixels from 0 to 1, or auto: estimated. With --data poisson that of a pixel of value 1:
-    /// the root of the value of one count.
+    /// Standard deviation of the noise, for pixels from 0 to 1, or auto: estimated. With --data poisson that of a pixel of
+    /// value 1: the root of the value of one count.
     #[arg(long, value_name = "auto|SIGMA", default_value = "auto", allow_negative_numbers = true)]
     pub noise: String,
     /// Weight of what was seen, or auto: by an estimate of the risk.

@@ -49,12 +49,13 @@ impl Shrinkage {
         }
     }
 
-    /// The largest |q_k| / weight_k of each of a row's pixels; 0 for those that do not count.
-    pub(crate) fn largest(&self, pixels: &Range<usize>, q: &[f64], largest: &mut [f64]) {
-        let (n, counted) = (pixels.len().max(1), self.counted(pixels));
-        largest.fill(0.0);
+    /// Appends the largest |q_k| / weight_k of each of a row's pixels that counts.
+    pub(crate) fn gauges(&self, pixels: &Range<usize>, q: &[f64], gauges: &mut Vec<f64>) {
+        let (n, counted, first) = (pixels.len().max(1), self.counted(pixels), gauges.len());
+        gauges.resize(first + counted.len(), 0.0);
         self.groups(q.len() / n, |group, weight| {
-            counted.clone().for_each(|i| largest[i] = largest[i].max(group.size(q, n, i) / weight));
+            let of = gauges[first..].iter_mut().zip(counted.clone());
+            of.for_each(|(gauge, i)| *gauge = gauge.max(group.size(q, n, i) / weight));
         });
     }
 

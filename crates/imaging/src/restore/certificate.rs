@@ -38,23 +38,23 @@ pub fn duality_gap(method: &mut dyn Method, field: &Field) -> Option<Gap> {
 impl Certifier {
     /// The duality gap after a step, for terms without hard sets, in the x-z-u order.
     ///
-    /// The forces q_t = w^2 u_t of a local step are subgradients at z_t, so that g_t(D_t b) >= g_t(z_t) + <q_t, D_t b - z_t> for
-    /// every b; the quadratic f lies above its tangent at x, of slope s. With r = s + sum D_t^T q_t, for every b with values in the
-    /// range,
+    /// The forces q_t = w^2 u_t of a local step are subgradients at z_t, so that g_t(D_t b) >= g_t(z_t) + <q_t, D_t b - z_t>
+    /// for every b; the quadratic f lies above its tangent at x, of slope s. With r = s + sum D_t^T q_t, for every b with
+    /// values in the range,
     ///
     /// ```text
     /// objective(b) >= f(x) - <s, x> + sum (g_t(z_t) - <q_t, z_t>) + sum over nodes of min(r low, r high)
     /// ```
     ///
     /// Since x minimises f + 1/2 sum w^2 |D_t x - p_t|^2, r = -sum D_t^T w^2 (D_t x - z_t), which vanishes as the splitting
-    /// converges and takes no gradient of f. The range is that of x and of what was seen, made wider by its width on each side; a solution lies
-    /// inside, or the bound is none for fields outside: without a range no finite bound is to be had where a blur destroys
-    /// frequencies.
+    /// converges and takes no gradient of f. The range is that of x and of what was seen, made wider by its width on each side;
+    /// a solution lies inside, or the bound is none for fields outside: without a range no finite bound is to be had where a
+    /// blur destroys frequencies.
     ///
     /// Where there are slopes they are bounded in the same way, by a range of their own.
     ///
-    /// That bound counts every residual against the whole range. Where data and gradient are all that there is, others
-    /// move the forces to where they balance: exactly, which needs no range, or nearly where the border is unknown or pixels were not
+    /// That bound counts every residual against the whole range. Where data and gradient are all that there is, others move the
+    /// forces to where they balance: exactly, which needs no range, or nearly where the border is unknown or pixels were not
     /// measured. The smallest gap is the result.
     ///
     /// None where the method splits nothing, or a term is a hard set.

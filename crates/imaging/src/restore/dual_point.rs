@@ -1,6 +1,7 @@
 //! A point at which the dual of a restoration is finite, near the forces of the splitting.
 
-use super::{Field, balance, frame_balance};
+use super::Field;
+use super::balance::{Frame, Variation, lower_bound};
 use crate::room::Room;
 use proxel_split::{Problem, vector};
 use rayon::prelude::*;
@@ -10,8 +11,8 @@ const FLOOR: f64 = 1e-6;
 
 /// Lower bounds of the objective, each over all images or over those with values within a range; those that there are.
 ///
-/// `x` are the nodes, `u` the duals of the terms, `r` is D^T q + K^T q_y over the nodes of x, for the forces q on grad x and q_y on
-/// y = K x. None where a term does not know its conjugate, or slopes are unknowns too.
+/// `x` are the nodes, `u` the duals of the terms, `r` is D^T q + K^T q_y over the nodes of x, for the forces q on grad x and
+/// q_y on y = K x. None where a term does not know its conjugate, or slopes are unknowns too.
 pub(super) fn lower_bounds(
     problem: &mut Problem,
     x: &[f64],
@@ -22,18 +23,25 @@ pub(super) fn lower_bounds(
     room: &mut Room,
 ) -> Vec<(f64, Option<[f64; 2]>)> {
     let mut bounds = Vec::new();
-    let Some((q, q_y)) = forces(problem, x, u, field, room) else { return bounds };
-    if let Some(frame) = &field.frame {
-        bounds.extend(frame_balance::lower_bound(problem, (q, q_y), r, field, frame, range).map(|b| (b, Some(range))));
-        return bounds;
-    }
+    let Some((mut q, mut q_y)) = forces(problem, x, u, field, room) else { return bounds };
     let whole = field.held.is_some() || field.measured.iter().all(|measured| *measured);
-    if !whole && let Some(bound) = balance::lower_bound(problem, (&q, &q_y), r, field, range, room) {
-        bounds.push((bound, Some(range)));
-    }
+    let near = match (&field.frame, field.variation) {
+        (Some(frame), _) => lower_bound(problem, [&mut q, &mut q_y], r, field, &Frame::new(frame, field), range, room),
+        (None, Some(variation)) if !whole => {
+            let regular = Variation::new(variation, field);
+            let (mut of, mut of_y) = (room.take(q.len()), room.take(q_y.len()));
+            vector::copy(&mut of, &q);
+            vector::copy(&mut of_y, &q_y);
+            let bound = lower_bound(problem, [&mut of, &mut of_y], r, field, &regular, range, room);
+            room.give([of, of_y]);
+            bound
+        }
+        _ => None,
+    };
+    bounds.extend(near.map(|bound| (bound, Some(range))));
     // Where the border is unknown, not all differences count, and no transform makes those that do diagonal.
-    let (mut q, mut q_y) = (q, q_y);
     if field.reach.is_none()
+        && field.variation.is_some()
         && let Some(bound) = exactly_balanced(problem, &mut q, &mut q_y, r, field, room)
     {
         bounds.push((bound, None));
@@ -132,7 +140,7 @@ fn exactly_balanced(
     q_y.iter_mut().for_each(|q| *q *= scale);
     match &field.held {
         // lambda |y - f|^2
-        Some(data) => Some(-vector::dot(q_y, data.observed()) - vector::dot(q_y, q_y) / (4.0 * data.lambda())),
+        Some(data) => Some(-data.conjugate(q_y)),
         None => {
             q.iter_mut().for_each(|q| *q *= scale);
             let of_gradient = problem.terms.first()?.conjugate(q)?;

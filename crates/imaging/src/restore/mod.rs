@@ -12,7 +12,6 @@ mod balance;
 mod certificate;
 mod dual_point;
 mod field;
-mod frame_balance;
 mod model;
 mod noise;
 mod risk;

@@ -40,9 +40,9 @@ impl Default for RiskSettings {
 /// |A (K x(f) - f)|^2 - mean |A|^2 sum s_i^2 + 2 tr(diag(s)^2 A^T A K x'(f))
 /// ```
 ///
-/// which holds to first order for counts of light (Luisier, Blu and Unser 2011), s_i^2 = s^2 f_i. For [`Data::Huber`] the pixels that
-/// differ from the median of their surroundings by more than four s are outliers, and left out: that the result does not follow
-/// them is no error.
+/// which holds to first order for counts of light (Luisier, Blu and Unser 2011), s_i^2 = s^2 f_i. For [`Data::Huber`] the
+/// pixels that differ from the median of their surroundings by more than four s are outliers, and left out: that the result
+/// does not follow them is no error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Risk {
     /// lambda
@@ -52,8 +52,8 @@ pub struct Risk {
 }
 
 /// The lambda of least estimated risk: steps of a factor of 2 from a guess by the noise until both neighbours are worse, and
-/// the vertex of the parabola through the three. All that were tried, the chosen one last. `noise` is s: the standard deviation, for
-/// [`Data::Poisson`] that of a pixel of value 1.
+/// the vertex of the parabola through the three. All that were tried, the chosen one last. `noise` is s: the standard
+/// deviation, for [`Data::Poisson`] that of a pixel of value 1.
 ///
 /// # Errors
 /// No noise; what [`Model::build`] refuses; a problem that the splitting refuses, as its text.

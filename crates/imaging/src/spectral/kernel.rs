@@ -3,7 +3,7 @@
 use super::blur::Blur;
 use super::fourier::Fourier;
 use crate::{Grid, ImageError};
-use proxel_split::Potential;
+use proxel_split::{Potential, vector};
 use realfft::num_complex::Complex;
 use std::sync::Arc;
 
@@ -221,6 +221,11 @@ impl BlurredSquares {
         &self.observed
     }
 
+    /// sup over y of <q, y> - lambda |y - f|^2 = <q, f> + |q|^2 / (4 lambda).
+    pub(crate) fn conjugate(&self, q: &[f64]) -> f64 {
+        vector::dot(q, &self.observed) + vector::dot(q, q) / (4.0 * self.lambda)
+    }
+
     /// lambda
     pub fn lambda(&self) -> f64 {
         self.lambda
@@ -249,7 +254,7 @@ impl Potential for BlurredSquares {
             self.blur.apply(self.grid, true, &residual, &mut back);
             grad.iter_mut().zip(&back).for_each(|(g, b)| *g += 2.0 * self.lambda * b);
         }
-        self.lambda * proxel_split::vector::dot(&residual, &residual)
+        self.lambda * vector::dot(&residual, &residual)
     }
 
     fn n(&self) -> usize {

@@ -8,8 +8,8 @@ use proxel_linalg::sparse::SymPattern;
 use proxel_split::{Cycle, DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term, Weight, vector};
 use rayon::prelude::*;
 
-/// g(grad x): D takes forward differences ([`Differences`]), in planes as [`Pointwise`] takes them. One weight w^2 for all pixels,
-/// the penalty mu of A.
+/// g(grad x): D takes forward differences ([`Differences`]), in planes as [`Pointwise`] takes them. One weight w^2 for all
+/// pixels, the penalty mu of A.
 ///
 /// Memory: `pull_step` reads x once, reads and writes p and u once, and writes the pull: 80 bytes a pixel and channel.
 pub struct GradientTerm<P> {

@@ -14,8 +14,8 @@ const M: usize = 4;
 /// (W_kl x)_ij = 1/M sum over a, b < M of C_ka C_lb x_(i+a)(j+b),    C_ka = sqrt(s_k / M) cos(pi k (a + 1/2) / M)
 /// ```
 ///
-/// s_0 = 1, s_k = 2 elsewhere. A tight frame: sum W_kl^T W_kl is the identity. The local numbers of a row are M^2 planes a channel, W_00
-/// (the mean of the surroundings) first and l running fastest.
+/// s_0 = 1, s_k = 2 elsewhere. A tight frame: sum W_kl^T W_kl is the identity. The local numbers of a row are M^2 planes a
+/// channel, W_00 (the mean of the surroundings) first and l running fastest.
 #[derive(Clone, Debug)]
 pub struct LocalCosines {
     c: [[f64; M]; M], // C / sqrt(M)
@@ -126,32 +126,18 @@ impl Stencil for LocalCosines {
 
 #[cfg(test)]
 mod tests {
+    use super::super::stencil::tests::{assert_is_its_numbers, numbers};
     use super::*;
-
-    fn numbers(n: usize, seed: f64) -> Vec<f64> {
-        (0..n).map(|k| ((k * k) as f64 * 0.37 + seed).sin()).collect()
-    }
 
     /// Rows and transposes against the numbers one by one, and W^T W = 1.
     #[test]
     fn maps_are_those_of_their_numbers_and_the_frame_is_tight() {
         for (width, height, channels) in [(9, 7, 1), (7, 5, 2), (1, 4, 1), (4, 1, 1), (1, 1, 1), (2, 3, 3)] {
             let (grid, map) = (Grid { width, height, channels }, LocalCosines::default());
+            assert_is_its_numbers(&map, grid, grid.len());
             let (x, local) = (numbers(grid.len(), 0.1), map.local_row(grid));
-            let p = numbers(local * height, 0.7);
-            let (mut got, mut k) = (vec![0.0; local * height], 0);
+            let mut got = vec![0.0; local * height];
             got.chunks_mut(local).enumerate().for_each(|(row, out)| map.row(grid, &x, row, out));
-            let mut back = numbers(grid.len(), 0.3);
-            let mut expected = back.clone();
-            map.add_adjoint(grid, 1.5, &p, &mut back);
-            map.for_each(grid, &mut |number| {
-                let value: f64 = number.iter().map(|(node, f)| f * x[*node as usize]).sum();
-                assert!((got[k] - value).abs() < 1e-13, "{grid:?}, number {k}: {} and {value}", got[k]);
-                number.iter().for_each(|(node, f)| expected[*node as usize] += 1.5 * f * p[k]);
-                k += 1;
-            });
-            assert_eq!(k, local * height);
-            assert!(back.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{grid:?}");
             let mut again = vec![0.0; grid.len()];
             map.add_adjoint(grid, 1.0, &got, &mut again);
             assert!(again.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-13), "{grid:?}");

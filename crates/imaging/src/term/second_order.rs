@@ -159,11 +159,8 @@ impl Stencil for Bends {
 
 #[cfg(test)]
 mod tests {
+    use super::super::stencil::tests::assert_is_its_numbers;
     use super::*;
-
-    fn numbers(n: usize, seed: f64) -> Vec<f64> {
-        (0..n).map(|k| ((k * k) as f64 * 0.37 + seed).sin()).collect()
-    }
 
     /// Rows and transposes against the numbers one by one.
     #[test]
@@ -174,23 +171,7 @@ mod tests {
             let slopes = 2 * grid.len();
             let n = slopes + 2 * grid.len();
             let maps: [Box<dyn Stencil>; 2] = [Box::new(Slopes { slopes }), Box::new(Bends { slopes })];
-            for map in maps {
-                let (x, local) = (numbers(n, 0.1), map.local_row(grid));
-                let p = numbers(local * height, 0.7);
-                let (mut got, mut k) = (vec![0.0; local * height], 0);
-                got.chunks_mut(local).enumerate().for_each(|(row, out)| map.row(grid, &x, row, out));
-                let mut back = numbers(n, 0.3);
-                let mut expected = back.clone();
-                map.add_adjoint(grid, 1.5, &p, &mut back);
-                map.for_each(grid, &mut |number| {
-                    let value: f64 = number.iter().map(|(node, f)| f * x[*node as usize]).sum();
-                    assert!((got[k] - value).abs() < 1e-13, "{grid:?}, number {k}: {} and {value}", got[k]);
-                    number.iter().for_each(|(node, f)| expected[*node as usize] += 1.5 * f * p[k]);
-                    k += 1;
-                });
-                assert_eq!(k, local * height);
-                assert!(back.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-13), "{grid:?}");
-            }
+            maps.iter().for_each(|map| assert_is_its_numbers(map.as_ref(), grid, n));
         }
     }
 }

@@ -252,3 +252,31 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
         self.weight.take(p, u);
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    pub fn numbers(n: usize, seed: f64) -> Vec<f64> {
+        (0..n).map(|k| ((k * k) as f64 * 0.37 + seed).sin()).collect()
+    }
+
+    /// Rows of D x and D^T p on n nodes, against the numbers one by one.
+    pub fn assert_is_its_numbers(map: &dyn Stencil, grid: Grid, n: usize) {
+        let (x, local) = (numbers(n, 0.1), map.local_row(grid));
+        let p = numbers(local * grid.height, 0.7);
+        let (mut got, mut k) = (vec![0.0; p.len()], 0);
+        got.chunks_mut(local).enumerate().for_each(|(row, out)| map.row(grid, &x, row, out));
+        let mut back = numbers(n, 0.3);
+        let mut expected = back.clone();
+        map.add_adjoint(grid, 1.5, &p, &mut back);
+        map.for_each(grid, &mut |number| {
+            let value: f64 = number.iter().map(|(node, f)| f * x[*node as usize]).sum();
+            assert!((got[k] - value).abs() < 1e-13, "{grid:?}, number {k}: {} and {value}", got[k]);
+            number.iter().for_each(|(node, f)| expected[*node as usize] += 1.5 * f * p[k]);
+            k += 1;
+        });
+        assert_eq!(k, p.len());
+        assert!(back.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{grid:?}");
+    }
+}

@@ -19,8 +19,8 @@ pub(super) struct Known {
 /// mean.
 const TUNING: f64 = 1.345;
 
-/// Local cosines are taken in the place of total variation where their estimated risk is below this part of its: an iteration takes
-/// several times as long.
+/// Local cosines are taken in the place of total variation where their estimated risk is below this part of its: an iteration
+/// takes several times as long.
 const WORTH: f64 = 0.99;
 
 /// # Errors

@@ -7,7 +7,8 @@
 //!
 //! let step = |k: usize| if k % 32 < 16 { 0.2 } else { 0.8 };
 //! let noisy = (0..1024).map(|k| step(k) + 0.05 * ((k * k * 7919 % 1013) as f64 / 506.5 - 1.0)).collect();
-//! let seen = Input { command: "denoise", image: &Image::new(32, 32, vec![noisy])?, psf: Psf::identity(), mask: None, truth: None };
+//! let image = Image::new(32, 32, vec![noisy])?;
+//! let seen = Input { command: "denoise", image: &image, psf: Psf::identity(), mask: None, truth: None };
 //! let settings = RestoreSettings { lambda: Some(8.0), ..RestoreSettings::default() };
 //! let found = restore(&seen, &settings, &mut Hooks::default())?;
 //! assert!((0..1024).all(|k| (found.image.channels[0][k] - step(k)).abs() < 0.05));

@@ -63,8 +63,9 @@ enum Beyond {
 
 impl Beyond {
     fn of(model: &Model) -> Self {
-        // A part of an image whose border mirrors has such borders too: where it was cut that is felt no further than an unknown one.
-        // A mirror image in its place would not do, since differences to the next pixel become those to the one before.
+        // A part of an image whose border mirrors has such borders too: where it was cut that is felt no further than an
+        // unknown one. A mirror image in its place would not do, since differences to the next pixel become those to the one
+        // before.
         if model.edges == Edges::Periodic { Beyond::Image } else { Beyond::Nothing }
     }
 
