@@ -109,11 +109,11 @@ impl Parts {
     /// A model that is no problem.
     pub fn new(model: &Model) -> Result<Self, BenchError> {
         let mut method = iteration(model)?;
-        let take = |m: &Admm| State { x: m.x().to_vec(), p: m.p().to_vec(), u: m.u().to_vec() };
-        let first = take(&method);
+        let take = |m: &mut Admm| State { x: m.x().to_vec(), p: m.p().to_vec(), u: m.u().to_vec() };
+        let first = take(&mut method);
         method.step().map_err(BenchError::from_display)?;
-        let second = take(&method);
-        let now = take(&method);
+        let second = take(&mut method);
+        let now = take(&mut method);
         let problem = method.into_parts().0;
         let precision = AdmmSettings::default().lbfgs().precision; // as in the iteration
         let normal = NormalMatrix::with_precision(&problem, precision).map_err(BenchError::from_display)?;

@@ -238,3 +238,48 @@ fn only_a_window_counts() {
         }
     }
 }
+
+/// A local step on v = z + u alone, against the one on p and u: rows of whole lanes and a rest, several tasks, with and without
+/// a window.
+#[test]
+fn folded_steps_are_those_of_both() {
+    const FORCE: f64 = 0.7;
+    let window = Window { width: 35, rows: [1, 800], columns: [3, 33] };
+    for (channels, within) in [(1, None), (2, None), (2, Some(window))] {
+        for (boundary, relaxation) in
+            [Boundary::Periodic, Boundary::Neumann].into_iter().flat_map(|b| [1.0, 1.7].map(|alpha| (b, alpha)))
+        {
+            let grid = Grid { width: 35, height: 900, channels };
+            assert!(grid.task_rows() < grid.height);
+            let of = TotalVariation { lambda: FORCE, norm: Norm::Channels, within };
+            let mut term = GradientTerm::new(grid, boundary, 3, of, 2.0);
+            let cycle = Cycle { order: Order::Xzu, relaxation };
+            let (mut p, mut u) = (numbers(term.local_len(), 5), numbers(term.local_len(), 6));
+            let x = [4, 8].map(|seed| numbers(grid.len() + 5, seed));
+            let mut v = {
+                term.pull_step(&cycle, &x[0], &mut p, &mut u, &mut vec![0.0; x[0].len()], true);
+                p.iter().zip(&u).map(|(p, u)| p + 2.0 * u).collect::<Vec<f64>>()
+            };
+            for begins in [true, false] {
+                let [mut both, mut alone] = [(); 2].map(|()| numbers(x[0].len(), 7));
+                let report = term.pull_step(&cycle, &x[1], &mut p, &mut u, &mut both, begins);
+                let folded = term.folded().expect("pairs shrink");
+                let of_folded = folded.step(relaxation, &x[1], &mut v, &mut alone, begins);
+                let (mut p1, mut u1) = (vec![0.0; p.len()], vec![0.0; p.len()]);
+                folded.unfold(&v, &mut p1, &mut u1);
+                for (a, b) in [(&p, &p1), (&u, &u1), (&both, &alone)] {
+                    let near = a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-13);
+                    assert!(near, "{boundary:?}, {channels} channels, relaxation {relaxation}");
+                }
+                for (a, b) in [
+                    (report.moved2, of_folded.moved2),
+                    (report.gap2, of_folded.gap2),
+                    (report.gap2_before, of_folded.gap2_before),
+                    (report.value_after, of_folded.value_after),
+                ] {
+                    assert!((a - b).abs() < 1e-12 * a && a > 0.0, "{boundary:?}, {channels} channels: {a} and {b}");
+                }
+            }
+        }
+    }
+}

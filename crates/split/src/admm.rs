@@ -8,6 +8,7 @@
 //! | R-ADMM | polar | [`crate::Lbfgs`] | none |
 //! | WRAPD | polar | [`crate::Lbfgs`] | W(22)-(23) |
 
+mod folding;
 mod method;
 mod safe;
 mod sweep;
@@ -19,6 +20,7 @@ use crate::{
     BuildError, Cycle, EnergyReport, Evaluation, GlobalStep, LocalReport, NormalMatrix, Objective, Order, Problem,
     Pull, Reweighting, StepReport, SystemError, Term, Trial, reweight::Settling,
 };
+use folding::Folding;
 use rayon::prelude::*;
 use sweep::Sweeping;
 
@@ -75,6 +77,7 @@ pub struct Admm {
     safe: Option<SafePenalty>,
     settling: Settling,
     sweeping: Sweeping,
+    folding: Option<Folding>,
     iteration: usize,
     energy: Option<EnergyReport>,
     f: Option<f64>, // f(x), where the global step has found it
@@ -133,6 +136,7 @@ impl Admm {
             safe: None,
             settling: Settling::default(),
             sweeping: Sweeping::Unknown,
+            folding: None,
             iteration,
             energy: None,
             f: None,
@@ -238,6 +242,9 @@ impl Admm {
                 u.fill(0.0);
             }
         }
+        if let Some(report) = self.folded_half() {
+            return report;
+        }
         let (x, p, u, grad) = (&self.x, &mut self.p, &mut self.u, &mut self.grad);
         match self.settings.global.pull() {
             Pull::AtPoint => self.problem.cycle_step(&self.cycle, x, p, u, grad),
@@ -315,12 +322,14 @@ impl Admm {
     /// Positions of the free nodes, p and u, for an accelerator to read and to set.
     pub(crate) fn state(&mut self) -> State<'_> {
         self.forget();
+        self.open();
         State { x: &mut self.x[..self.problem.n_free * self.problem.dim], p: &mut self.p, u: &mut self.u }
     }
 
     /// The same, and the problem that it is a state of.
     pub(crate) fn state_and_problem(&mut self) -> (State<'_>, &mut Problem) {
         self.forget();
+        self.open();
         self.sweeping = Sweeping::Unknown;
         let n = self.problem.n_free * self.problem.dim;
         (State { x: &mut self.x[..n], p: &mut self.p, u: &mut self.u }, &mut self.problem)
@@ -329,11 +338,13 @@ impl Admm {
     /// The problem, x of all nodes, p and u.
     #[expect(clippy::type_complexity, reason = "four slices by name would need a struct that is used once")]
     pub(crate) fn parts(&mut self) -> (&mut Problem, &[f64], &[Vec<f64>], &[Vec<f64>]) {
+        self.unfold();
         (&mut self.problem, &self.x, &self.p, &self.u)
     }
 
     /// For energies and residuals elsewhere than at the current x.
     pub(crate) fn problem_mut(&mut self) -> &mut Problem {
+        self.open();
         &mut self.problem
     }
 
@@ -343,22 +354,26 @@ impl Admm {
     }
 
     /// p = z - u, one vector a term.
-    pub fn p(&self) -> &[Vec<f64>] {
+    pub fn p(&mut self) -> &[Vec<f64>] {
+        self.unfold();
         &self.p
     }
 
     /// Scaled duals, one vector a term.
-    pub fn u(&self) -> &[Vec<f64>] {
+    pub fn u(&mut self) -> &[Vec<f64>] {
+        self.unfold();
         &self.u
     }
 
     /// z = p + u, all terms one after another.
-    pub fn local(&self) -> Vec<f64> {
+    pub fn local(&mut self) -> Vec<f64> {
+        self.unfold();
         self.p.iter().zip(&self.u).flat_map(|(p, u)| p.iter().zip(u).map(|(p, u)| p + u)).collect()
     }
 
     /// u, all terms one after another.
-    pub fn dual(&self) -> Vec<f64> {
+    pub fn dual(&mut self) -> Vec<f64> {
+        self.unfold();
         self.u.concat()
     }
 
@@ -379,6 +394,7 @@ impl Admm {
 
     /// The same, with u = 0 unless the duals are to be kept.
     fn restart_with(&mut self, x: &[f64], keeps_duals: bool, change: impl FnOnce(&mut Problem)) {
+        self.open();
         change(&mut self.problem);
         if !keeps_duals {
             self.u.iter_mut().for_each(|u| u.fill(0.0));

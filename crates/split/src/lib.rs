@@ -92,6 +92,6 @@ pub use run::{
 pub use sweep::Uncoupled;
 pub use system::{NormalMatrix, Precision, SystemError};
 pub use tangent::{Tangent, TangentError};
-pub use term::{DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term};
+pub use term::{DualMap, EnergyReport, Folded, LocalReport, PenaltyReport, Residual, Scale, Term};
 pub use untangle::{Dial, Relax, Untangle};
 pub use weight::Weight;

@@ -163,6 +163,17 @@ pub enum DualMap {
     Affine,
 }
 
+/// A term that can keep v = z + u in the place of p and u, half of the numbers: after a local step of the x-z-u order
+/// z = prox(v), so that both follow. Couplings are linear, and the prox cheap: it is taken twice.
+pub trait Folded {
+    /// [`Term::pull_step`] of the x-z-u order: v <- v + alpha (c(Dx) - z), with z = prox(v) of before; the pull is that of
+    /// p = 2 z - v of after.
+    fn step(&mut self, relaxation: f64, x: &[f64], v: &mut [f64], pull: &mut [f64], begins: bool) -> LocalReport;
+
+    /// p <- 2 z - v, u <- v - z, z = prox(v).
+    fn unfold(&self, v: &[f64], p: &mut [f64], u: &mut [f64]);
+}
+
 /// A batch of like elements: one virtual call a batch and step, everything static inside.
 ///
 /// Positions x are flat, `dim` numbers a node. The first `n_free` nodes are unknowns, the others fixed; gradients have
@@ -244,6 +255,11 @@ pub trait Term: Send + Sync {
         let report = self.cycle_step(cycle, x, p, u, &mut vec![0.0; pull.len()]);
         self.penalty(&vec![0.0; x.len()], p, pull);
         report
+    }
+
+    /// Itself, where it can keep one vector in the place of p and u.
+    fn folded(&mut self) -> Option<&mut dyn Folded> {
+        None
     }
 
     /// A whole iteration of the z-x-u order, with the same bits as one of [`Term::cycle_step`], a solve, and the update of the

@@ -15,8 +15,8 @@ pub use data::{Interval, Observed, Squares};
 pub use huber::Huber;
 pub use poisson::Poisson;
 pub use shrinkage::Shrinkage;
-pub(crate) use total_variation::shrink_pairs;
 pub use total_variation::{Norm, TotalVariation, Window};
+pub(crate) use total_variation::{minus_shrinkage, shrink_pairs};
 
 /// g(z) = sum over pixels of a function of the pixel's numbers: a penalty, a data term, or the indicator of a set.
 ///

@@ -125,17 +125,25 @@ fn shrink(v: &mut [f64], n: usize, counted: Range<usize>, t: f64) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
-/// What the reciprocal root is specified for. Squares outside are those of gradients that are 0, or that nothing shrinks.
+/// What the reciprocal root is specified for: added to squares, and the most of them. Beyond are those of gradients that are 0,
+/// or that nothing shrinks.
 const SQUARES: [f64; 2] = [1e-290, 1e290];
+
+/// -max(0, 1 - t/|v|) for eight pairs, and |v|; z = prox(v) is -v times the first.
+#[inline(always)]
+pub(crate) fn minus_shrinkage<I: Isa>(v: [F8<I>; 2], t: F8<I>) -> [F8<I>; 2] {
+    let square = v[0].mul_add(v[0], v[1].mul_add(v[1], F8::splat(SQUARES[0]))).min(F8::splat(SQUARES[1]));
+    // 1/r in the place of a root and a division, which would take as long as all else.
+    let inverse = square.rsqrt();
+    [t.mul_add(inverse, F8::splat(-1.0)).min(F8::zero()), square * inverse]
+}
 
 /// z = v max(0, 1 - t/|v|) for eight pairs, and |z|.
 #[inline(always)]
 pub(crate) fn shrink_pairs<I: Isa>(v: [F8<I>; 2], t: F8<I>) -> ([F8<I>; 2], F8<I>) {
-    let square = v[0].mul_add(v[0], v[1] * v[1]);
-    // 1/r in the place of a root and a division, which would take as long as all else.
-    let inverse = square.max(F8::splat(SQUARES[0])).min(F8::splat(SQUARES[1])).rsqrt();
-    let s = (F8::one() - t * inverse).max(F8::zero());
-    ([v[0] * s, v[1] * s], s * (square * inverse))
+    let [minus, size] = minus_shrinkage(v, t);
+    let s = -minus;
+    ([v[0] * s, v[1] * s], size * s)
 }
 
 /// Two planes, eight pixels at a time.

@@ -147,7 +147,7 @@ impl Restoration {
         let admm = Admm::new(self.problem, settings)?;
         let relaxed = |admm: Admm, relaxation: f64| admm.with_cycle(Cycle { relaxation, ..Cycle::PLAIN });
         Ok(match iteration {
-            Iteration::Admm { relaxation } => Box::new(relaxed(admm, relaxation)?),
+            Iteration::Admm { relaxation } => Box::new(relaxed(admm, relaxation)?.with_folding()),
             Iteration::Fast => {
                 let by = Extrapolation::Momentum { eta: 0.999, corrected: false };
                 Acceleration { algorithm: Algorithm::One, by, history: History::AsPublished }.of(admm)?

@@ -4,7 +4,7 @@ use super::blur::Blur;
 use super::fourier::{Fourier, Spectra};
 use super::kernel::BlurredSquares;
 use crate::Grid;
-use proxel_linalg::simd::{Isa, Kernel, dispatch};
+use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
 use proxel_split::{GlobalReport, GlobalStep, NormalMatrix, Objective, Precision, Problem, Pull, SystemError, vector};
 use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
@@ -132,37 +132,68 @@ struct Held<'a> {
     scale: f64,
 }
 
+/// Eight numbers as their real and their imaginary parts.
+type Split<I> = [F8<I>; 2];
+
+impl<I: Isa> HeldLanes<I> {
+    #[inline(always)]
+    fn advance(&mut self, p: Split<I>, r: Split<I>, inverse: F8<I>, down: F8<I>) -> Split<I> {
+        let (re, im) = ((r[0] - p[0]) * inverse, (r[1] - p[1]) * inverse);
+        let a = self.slope.mul_add(down, self.shift);
+        let of_sum = re.mul_add(r[0] + p[0], im * (r[1] + p[1]));
+        self.sum += a.mul_add(re.mul_add(re, im * im), of_sum);
+        [re * self.scale, im * self.scale]
+    }
+}
+
+struct HeldLanes<I: Isa> {
+    slope: F8<I>,
+    shift: F8<I>,
+    scale: F8<I>,
+    sum: F8<I>,
+}
+
 impl Kernel for Held<'_> {
     type Output = f64;
 
-    // Loops by index, which are compiled for the instruction set; four sums, so that one does not wait for the one before.
     #[inline(always)]
     fn run<I: Isa>(self) -> f64 {
         let n = self.field.len().min(self.right.len()).min(self.inverse.len()).min(self.down.len());
-        let (field, field_rest) = self.field[..n].as_chunks_mut::<4>();
-        let (right, right_rest) = self.right[..n].as_chunks::<4>();
-        let (inverse, inverse_rest) = self.inverse[..n].as_chunks::<4>();
-        let (down, down_rest) = self.down[..n].as_chunks::<4>();
-        let mut sums = [0.0; 4];
-        let (slope, shift, scale) = (self.slope, self.shift, self.scale);
+        let (field, field_rest) = bytemuck::cast_slice_mut(&mut self.field[..n]).as_chunks_mut::<{ 2 * LANES }>();
+        let (right, right_rest) = bytemuck::cast_slice(&self.right[..n]).as_chunks::<{ 2 * LANES }>();
+        let (inverse, inverse_rest) = self.inverse[..n].as_chunks::<LANES>();
+        let (down, down_rest) = self.down[..n].as_chunks::<LANES>();
+        let mut lanes = HeldLanes::<I> {
+            slope: F8::splat(self.slope),
+            shift: F8::splat(self.shift),
+            scale: F8::splat(self.scale),
+            sum: F8::zero(),
+        };
         for i in 0..field.len() {
-            for k in 0..4 {
-                let (r, p, d) = (right[i][k], field[i][k], inverse[i][k]);
-                let (re, im) = ((r.re - p.re) * d, (r.im - p.im) * d);
-                let a = slope * down[i][k] + shift;
-                sums[k] += (re * (r.re + p.re) + im * (r.im + p.im)) + a * (re * re + im * im);
-                field[i][k] = Complex { re: re * scale, im: im * scale };
-            }
+            let (p, r) = (F8::pairs(&field[i]), F8::pairs(&right[i]));
+            F8::put_pairs(lanes.advance(p, r, F8::load(&inverse[i]), F8::load(&down[i])), &mut field[i]);
         }
-        for i in 0..field_rest.len() {
-            let (r, p, d) = (right_rest[i], field_rest[i], inverse_rest[i]);
-            let (re, im) = ((r.re - p.re) * d, (r.im - p.im) * d);
-            let a = slope * down_rest[i] + shift;
-            sums[i] += (re * (r.re + p.re) + im * (r.im + p.im)) + a * (re * re + im * im);
-            field_rest[i] = Complex { re: re * scale, im: im * scale };
+        if !field_rest.is_empty() {
+            let (mut p, r) = (filled(field_rest), filled(right_rest));
+            let x = lanes.advance(
+                F8::pairs(&p),
+                F8::pairs(&r),
+                F8::load(&filled(inverse_rest)),
+                F8::load(&filled(down_rest)),
+            );
+            F8::put_pairs(x, &mut p);
+            field_rest.copy_from_slice(&p[..field_rest.len()]);
         }
-        -0.5 * ((sums[0] + sums[1]) + (sums[2] + sums[3]))
+        -0.5 * lanes.sum.sum()
     }
+}
+
+/// Zeros where there is nothing: they stay, and add nothing.
+#[inline(always)]
+fn filled<const N: usize>(rest: &[f64]) -> [f64; N] {
+    let mut all = [0.0; N];
+    all[..rest.len()].copy_from_slice(rest);
+    all
 }
 
 /// sum w^2 symbol, where the gradient's is s and the squared gain of the blur is given.

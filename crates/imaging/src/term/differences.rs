@@ -69,13 +69,21 @@ impl Differences {
     pub fn add_adjoint(&self, scale: f64, p: &[f64], out: &mut [f64]) {
         let (grid, local) = (self.grid, self.local_row());
         out.par_chunks_mut(grid.row_len()).enumerate().with_min_len(grid.task_rows()).for_each(|(row, out)| {
-            self.gather(scale, rows(p, local, row), self.above(p, row), row + 1 == grid.height, out);
+            self.gather(scale, rows(p, local, row), self.above(p, row), row + 1 == grid.height, out, false);
         });
     }
 
-    /// out += scale D^T p in a row, from that row of p and the one above, of which there is none at a border without another
-    /// side.
-    pub(super) fn gather(&self, scale: f64, here: &[f64], above: Option<&[f64]>, last: bool, out: &mut [f64]) {
+    /// out += scale D^T p in a row, or = if it `begins`, from that row of p and the one above, of which there is none at a
+    /// border without another side.
+    pub(super) fn gather(
+        &self,
+        scale: f64,
+        here: &[f64],
+        above: Option<&[f64]>,
+        last: bool,
+        out: &mut [f64],
+        begins: bool,
+    ) {
         let w = self.grid.width;
         let periodic = self.boundary == Boundary::Periodic;
         for c in 0..self.grid.channels {
@@ -85,14 +93,16 @@ impl Differences {
             // Below the last row of a field that mirrors there is no difference.
             let down = (periodic || !last).then_some(down);
             let above = above.map(|above| &above[(2 * c + 1) * w..(2 * c + 2) * w]);
-            let first = if periodic {
-                along[end] - along[0]
-            } else {
-                // At the end of the row there is no difference, so that what stands in p there means nothing.
-                out[end] += scale * if end > 0 { along[end] } else { 0.0 };
-                if end > 0 { -along[0] } else { 0.0 }
+            let first = match (periodic, end) {
+                (true, _) => along[end] - along[0],
+                (false, 0) => 0.0,
+                (false, _) => -along[0],
             };
-            dispatch(Gather { scale, first, along, down, above, out });
+            dispatch(Gather { scale, first, along, down, above, out: &mut *out, begins });
+            if !periodic && end > 0 {
+                // At the end of the row there is no difference, so that what stands in p there means nothing.
+                out[end] += scale * along[end];
+            }
         }
     }
 
@@ -130,6 +140,7 @@ struct Gather<'a> {
     down: Option<&'a [f64]>,
     above: Option<&'a [f64]>,
     out: &'a mut [f64],
+    begins: bool,
 }
 
 impl Kernel for Gather<'_> {
@@ -144,6 +155,17 @@ impl Kernel for Gather<'_> {
         }
         let out = &mut self.out[..n];
         let (before, along) = (&self.along[..n - 1], &self.along[1..n]);
+        if let (Some(down), Some(above), true) = (self.down, self.above, self.begins) {
+            let (down, above) = (&down[..n], &above[..n]);
+            out[0] = scale * (self.first + (above[0] - down[0]));
+            for i in 0..n - 1 {
+                out[i + 1] = scale * ((before[i] - along[i]) + (above[i + 1] - down[i + 1]));
+            }
+            return;
+        }
+        if self.begins {
+            out.fill(0.0);
+        }
         out[0] += scale * self.first;
         if let (Some(down), Some(above)) = (self.down, self.above) {
             let (down, above) = (&down[..n], &above[..n]);

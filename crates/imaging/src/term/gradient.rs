@@ -5,19 +5,22 @@ use super::pairs::Row;
 use super::pass::{Sums, begin};
 use crate::{Boundary, Grid, Pointwise};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{Cycle, DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term, Weight, vector};
+use proxel_split::{
+    Cycle, DualMap, EnergyReport, Folded, LocalReport, PenaltyReport, Residual, Scale, Term, Weight, vector,
+};
 use rayon::prelude::*;
 
 /// g(grad x): D takes forward differences ([`Differences`]), in planes as [`Pointwise`] takes them. One weight w^2 for all
 /// pixels, the penalty mu of A.
 ///
-/// Memory: `pull_step` reads x once, reads and writes p and u once, and writes the pull: 80 bytes a pixel and channel.
+/// Memory: `pull_step` reads x once, reads and writes p and u once, and writes the pull: 80 bytes a pixel and channel. Where
+/// pairs of differences shrink it is [`Folded`]: 48 bytes.
 pub struct GradientTerm<P> {
-    of_field: Differences,
+    pub(super) of_field: Differences,
     first: usize, // node of pixel 0
-    of: P,
+    pub(super) of: P,
     weight: Weight,
-    scratch: Vec<Vec<f64>>,  // of each task: c, v
+    scratch: Vec<Vec<f64>>,  // of each task: c, v; or p of two rows and a row of x
     parts: Vec<LocalReport>, // of each task
 }
 
@@ -30,7 +33,7 @@ impl<P: Pointwise> GradientTerm<P> {
             first,
             of,
             weight: Weight::new(weight2),
-            scratch: (0..tasks).map(|_| vec![0.0; 4 * grid.row_len()]).collect(),
+            scratch: (0..tasks).map(|_| vec![0.0; 6 * grid.row_len()]).collect(),
             parts: vec![LocalReport::default(); tasks],
         }
     }
@@ -46,16 +49,25 @@ impl<P: Pointwise> GradientTerm<P> {
     }
 
     /// Numbers of a row's part of a local vector.
-    fn local_row(&self) -> usize {
+    pub(super) fn local_row(&self) -> usize {
         self.of_field.local_row()
     }
 
-    fn nodes(&self) -> std::ops::Range<usize> {
+    pub(super) fn nodes(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.of_field.grid.len()
     }
 
-    fn field<'x>(&self, x: &'x [f64]) -> &'x [f64] {
+    pub(super) fn field<'x>(&self, x: &'x [f64]) -> &'x [f64] {
         &x[self.nodes()]
+    }
+
+    /// Scratch and reports of tasks, to be given back.
+    pub(super) fn take_room(&mut self) -> (Vec<Vec<f64>>, Vec<LocalReport>) {
+        (std::mem::take(&mut self.scratch), std::mem::take(&mut self.parts))
+    }
+
+    pub(super) fn give_room(&mut self, scratch: Vec<Vec<f64>>, parts: Vec<LocalReport>) {
+        (self.scratch, self.parts) = (scratch, parts);
     }
 
     /// The local step of a cycle; with `pull`, z, u and the pull -D^T W^2 p in one pass, set or added as it is said there.
@@ -69,7 +81,7 @@ impl<P: Pointwise> GradientTerm<P> {
     ) -> LocalReport {
         let (grid, local) = (self.of_field.grid, self.local_row());
         let (task, row_len) = (grid.task_rows(), grid.row_len());
-        let (mut scratch, mut parts) = (std::mem::take(&mut self.scratch), std::mem::take(&mut self.parts));
+        let (mut scratch, mut parts) = self.take_room();
         let field = self.field(x);
         let this = &*self;
         let tasks = p.par_chunks_mut(task * local).zip(u.par_chunks_mut(task * local));
@@ -92,22 +104,20 @@ impl<P: Pointwise> GradientTerm<P> {
                 pull.par_chunks_mut(task * row_len).enumerate().for_each(|(t, pull)| {
                     let row = t * task;
                     let (here, above) = (rows(p, local, row), this.of_field.above(p, row));
-                    if begins {
-                        pull[..row_len].fill(0.0);
-                    }
                     this.of_field.gather(
                         -this.weight.squared,
                         here,
                         above,
                         row + 1 == grid.height,
                         &mut pull[..row_len],
+                        begins,
                     );
                 });
             }
         }
         let mut report = LocalReport::default();
         parts.iter().for_each(|part| report += *part);
-        (self.scratch, self.parts) = (scratch, parts);
+        self.give_room(scratch, parts);
         report
     }
 
@@ -123,7 +133,7 @@ impl<P: Pointwise> GradientTerm<P> {
         mut pull: Option<(&mut [f64], bool)>,
     ) -> LocalReport {
         let (grid, local) = (self.of_field.grid, self.local_row());
-        let (c, v) = scratch.split_at_mut(local);
+        let (c, v) = scratch[..2 * local].split_at_mut(local);
         let (mut report, mut sums) = (LocalReport::default(), Sums::default());
         for k in 0..p.len() / local {
             let row = first + k;
@@ -145,11 +155,8 @@ impl<P: Pointwise> GradientTerm<P> {
             };
             if let (Some((pull, begins)), 1..) = (&mut pull, k) {
                 let out = &mut pull[k * grid.row_len()..(k + 1) * grid.row_len()];
-                if *begins {
-                    out.fill(0.0);
-                }
                 let above = &p[at.start - local..at.start];
-                self.of_field.gather(-self.weight.squared, &p[at], Some(above), row + 1 == grid.height, out);
+                self.of_field.gather(-self.weight.squared, &p[at], Some(above), row + 1 == grid.height, out, *begins);
             }
         }
         sums.report(self.weight.squared, report)
@@ -180,7 +187,7 @@ impl<P: Pointwise> GradientTerm<P> {
         })
     }
 
-    fn pixels(&self, row: usize) -> std::ops::Range<usize> {
+    pub(super) fn pixels(&self, row: usize) -> std::ops::Range<usize> {
         row * self.of_field.grid.width..(row + 1) * self.of_field.grid.width
     }
 }
@@ -237,6 +244,11 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         self.sweep(cycle, x, p, u, Some((pull, begins)))
     }
 
+    fn folded(&mut self) -> Option<&mut dyn Folded> {
+        let shrinks = self.of.shrinks_pairs(self.pixels(0), 2 * self.of_field.grid.channels).is_some();
+        shrinks.then_some(self)
+    }
+
     fn local_work(&self) -> f64 {
         /// Nanoseconds a number of the local vector.
         const NUMBER: f64 = 2.0;
@@ -289,7 +301,7 @@ impl<P: Pointwise> Term for GradientTerm<P> {
         let tasks = grad[nodes].par_chunks_mut(task * row_len).zip(scratch.par_iter_mut()).enumerate();
         let squares: Vec<f64> = tasks
             .map(|(t, (out, scratch))| {
-                let (mut above, mut here) = scratch.split_at_mut(local);
+                let (mut above, mut here) = scratch[..2 * local].split_at_mut(local);
                 let over = this.of_field.row_above(t * task);
                 if let Some(row) = over {
                     gap_of(row, above);
@@ -300,7 +312,7 @@ impl<P: Pointwise> Term for GradientTerm<P> {
                     gap_of(row, here);
                     square += vector::dot(here, here);
                     let above_it = (k > 0 || over.is_some()).then_some(&*above);
-                    this.of_field.gather(this.weight.squared, here, above_it, row + 1 == grid.height, out);
+                    this.of_field.gather(this.weight.squared, here, above_it, row + 1 == grid.height, out, false);
                     std::mem::swap(&mut above, &mut here);
                 }
                 square

@@ -1,6 +1,7 @@
 //! Terms whose elements are pixels.
 
 mod differences;
+mod folded;
 mod gradient;
 mod local_cosines;
 mod pairs;

@@ -2,7 +2,7 @@
 
 use super::differences::Differences;
 use super::pass::Sums;
-use crate::prox::shrink_pairs;
+use crate::prox::{minus_shrinkage, shrink_pairs};
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
 use proxel_split::{Cycle, Order};
 use std::ops::Range;
@@ -29,42 +29,98 @@ impl Row<'_> {
         longer: &mut [f64],
         sums: &mut Sums,
     ) -> f64 {
+        // In the z-x-u order the dual waits for x.
+        let (step, dual) = (cycle.relaxation - 1.0, if cycle.order == Order::Zxu { 0.0 } else { 1.0 });
+        let mut sizes = 0.0;
+        self.for_each_part(longer, &mut |part| {
+            let size = dispatch(Pairs {
+                step,
+                dual,
+                threshold: part.threshold,
+                here: part.here,
+                below: part.below,
+                p: part.of(p),
+                u: part.of(u),
+                sums,
+            });
+            sizes += if part.counts { size } else { 0.0 };
+        });
+        sizes
+    }
+
+    /// [`Folded::step`](proxel_split::Folded) of the row; its -p, and the sum of |z| over what counts.
+    pub(super) fn fold(
+        &self,
+        relaxation: f64,
+        v: &mut [f64],
+        minus_p: &mut [f64],
+        longer: &mut [f64],
+        sums: &mut Sums,
+    ) -> f64 {
+        let mut sizes = 0.0;
+        self.for_each_part(longer, &mut |part| {
+            let size = dispatch(FoldedPairs {
+                relaxation,
+                threshold: part.threshold,
+                here: part.here,
+                below: part.below,
+                v: part.of(v),
+                minus_p: part.of(minus_p),
+                sums,
+            });
+            sizes += if part.counts { size } else { 0.0 };
+        });
+        sizes
+    }
+
+    /// Visits the row channel by channel, and in each what does not count apart from what does.
+    fn for_each_part(&self, longer: &mut [f64], visit: &mut dyn FnMut(Part<'_>)) {
         let grid = self.of_field.grid;
         let (w, len) = (grid.width, grid.row_len());
         if w == 0 {
-            return 0.0;
+            return;
         }
-        // In the z-x-u order the dual waits for x.
-        let (step, dual) = (cycle.relaxation - 1.0, if cycle.order == Order::Zxu { 0.0 } else { 1.0 });
         let here = &self.field[self.row * len..(self.row + 1) * len];
         // Below the last row of a field that mirrors lies that row again, and behind the last pixel of a row that pixel.
         let below = self.of_field.below(self.field, self.row).unwrap_or(here);
         let longer = &mut longer[..w + 1];
-        let mut sizes = 0.0;
         for c in 0..grid.channels {
             let plane = c * w..(c + 1) * w;
             longer[..w].copy_from_slice(&here[plane.clone()]);
             longer[w] = longer[self.of_field.other_side(0, w - 1)];
             let below = &below[plane];
-            let (pa, pb) = p[2 * c * w..(2 * c + 2) * w].split_at_mut(w);
-            let (ua, ub) = u[2 * c * w..(2 * c + 2) * w].split_at_mut(w);
-            let mut part = |at: Range<usize>, threshold: f64| {
-                dispatch(Pairs {
-                    step,
-                    dual,
-                    threshold,
+            for (at, counts) in
+                [(0..self.counted.start, false), (self.counted.clone(), true), (self.counted.end..w, false)]
+            {
+                visit(Part {
+                    first: 2 * c * w + at.start,
+                    width: w,
+                    threshold: if counts { self.threshold } else { 0.0 },
+                    counts,
                     here: &longer[at.start..at.end + 1],
-                    below: &below[at.clone()],
-                    p: [&mut pa[at.clone()], &mut pb[at.clone()]],
-                    u: [&mut ua[at.clone()], &mut ub[at]],
-                    sums,
-                })
-            };
-            part(0..self.counted.start, 0.0);
-            sizes += part(self.counted.clone(), self.threshold);
-            part(self.counted.end..w, 0.0);
+                    below: &below[at],
+                });
+            }
         }
-        sizes
+    }
+}
+
+/// A part of a row of one channel.
+struct Part<'a> {
+    first: usize, // of its differences along the row in those of the row
+    width: usize, // of the row
+    threshold: f64,
+    counts: bool,
+    here: &'a [f64],
+    below: &'a [f64],
+}
+
+impl Part<'_> {
+    /// Its differences along the row, and down the column.
+    fn of<'v>(&self, row: &'v mut [f64]) -> [&'v mut [f64]; 2] {
+        let (along, down) = row[self.first..].split_at_mut(self.width);
+        let n = self.below.len();
+        [&mut along[..n], &mut down[..n]]
     }
 }
 
@@ -178,5 +234,153 @@ impl Kernel for Pairs<'_> {
         gap_before.store(&mut self.sums.gap_before);
         gap.store(&mut self.sums.gap);
         sizes.sum()
+    }
+}
+
+/// A part of a row of one channel, of which v = z + u alone is kept: z = prox(v), v <- v + alpha (c - z), then with the z of
+/// the new v -p = v - 2 z; the sum of |z|. The same as [`Pairs`] but for rounding.
+struct FoldedPairs<'a> {
+    relaxation: f64,
+    threshold: f64,
+    here: &'a [f64], // one pixel more
+    below: &'a [f64],
+    v: [&'a mut [f64]; 2],
+    minus_p: [&'a mut [f64]; 2],
+    sums: &'a mut Sums,
+}
+
+/// K times eight pixels, side by side: each waits for its own numbers for longer than they take.
+struct FoldedLanes<I: Isa> {
+    relaxation: F8<I>,
+    threshold: F8<I>,
+    sums: [F8<I>; 4], // z - z before, c - z before, c - z, -|z|
+}
+
+impl<I: Isa> FoldedLanes<I> {
+    /// The new v, and -p.
+    #[inline(always)]
+    fn advance<const K: usize>(&mut self, c: [[F8<I>; 2]; K], v: &mut [[F8<I>; 2]; K], minus_p: &mut [[F8<I>; 2]; K]) {
+        // By index: closures are not compiled for the instruction set.
+        let mut before = [[F8::zero(); 2]; K]; // -z
+        for k in 0..K {
+            let [minus, _] = minus_shrinkage(v[k], self.threshold);
+            before[k] = [v[k][0] * minus, v[k][1] * minus];
+        }
+        for k in 0..K {
+            for d in 0..2 {
+                let off = c[k][d] + before[k][d];
+                v[k][d] = self.relaxation.mul_add(off, v[k][d]);
+                self.sums[1] = off.mul_add(off, self.sums[1]);
+            }
+        }
+        for k in 0..K {
+            let [minus, size] = minus_shrinkage(v[k], self.threshold);
+            self.sums[3] = minus.mul_add(size, self.sums[3]);
+            for d in 0..2 {
+                let z = v[k][d] * minus; // -z
+                let (moved, gap) = (z - before[k][d], c[k][d] + z);
+                self.sums[0] = moved.mul_add(moved, self.sums[0]);
+                self.sums[2] = gap.mul_add(gap, self.sums[2]);
+                minus_p[k][d] = F8::splat(2.0).mul_add(z, v[k][d]);
+            }
+        }
+    }
+}
+
+impl Kernel for FoldedPairs<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> f64 {
+        let ([va, vb], [pa, pb]) = (self.v, self.minus_p);
+        let n = va.len().min(vb.len()).min(pa.len()).min(pb.len()).min(self.below.len());
+        let n = n.min(self.here.len().saturating_sub(1));
+        if n == 0 {
+            return 0.0;
+        }
+        let (here, right, below) = (&self.here[..n], &self.here[1..=n], &self.below[..n]);
+        let (here, here_rest) = here.as_chunks::<LANES>();
+        let (right, right_rest) = right.as_chunks::<LANES>();
+        let (below, below_rest) = below.as_chunks::<LANES>();
+        let (va, va_rest) = va[..n].as_chunks_mut::<LANES>();
+        let (vb, vb_rest) = vb[..n].as_chunks_mut::<LANES>();
+        let (pa, pa_rest) = pa[..n].as_chunks_mut::<LANES>();
+        let (pb, pb_rest) = pb[..n].as_chunks_mut::<LANES>();
+        let mut lanes = FoldedLanes::<I> {
+            relaxation: F8::splat(self.relaxation),
+            threshold: F8::splat(self.threshold),
+            sums: [F8::load(&self.sums.moved), F8::load(&self.sums.gap_before), F8::load(&self.sums.gap), F8::zero()],
+        };
+        let mut i = 0;
+        while i < here.len() {
+            let two = i + 1 < here.len();
+            macro_rules! advance {
+                ($k:literal) => {{
+                    let (mut c, mut v, mut p) =
+                        ([[F8::<I>::zero(); 2]; $k], [[F8::zero(); 2]; $k], [[F8::zero(); 2]; $k]);
+                    for k in 0..$k {
+                        let x = F8::load(&here[i + k]);
+                        c[k] = [F8::load(&right[i + k]) - x, F8::load(&below[i + k]) - x];
+                        v[k] = [F8::load(&va[i + k]), F8::load(&vb[i + k])];
+                    }
+                    lanes.advance(c, &mut v, &mut p);
+                    for k in 0..$k {
+                        v[k][0].store(&mut va[i + k]);
+                        v[k][1].store(&mut vb[i + k]);
+                        p[k][0].store(&mut pa[i + k]);
+                        p[k][1].store(&mut pb[i + k]);
+                    }
+                    i += $k;
+                }};
+            }
+            if two { advance!(2) } else { advance!(1) }
+        }
+        if !here_rest.is_empty() {
+            let x = filled(here_rest);
+            let c = [filled(right_rest) - x, filled(below_rest) - x];
+            let (mut v, mut p) = ([[filled(va_rest), filled(vb_rest)]], [[F8::zero(); 2]]);
+            lanes.advance([c], &mut v, &mut p);
+            put(v[0][0], va_rest);
+            put(p[0][0], pa_rest);
+            put(v[0][1], vb_rest);
+            put(p[0][1], pb_rest);
+        }
+        let [moved, gap_before, gap, sizes] = lanes.sums;
+        moved.store(&mut self.sums.moved);
+        gap_before.store(&mut self.sums.gap_before);
+        gap.store(&mut self.sums.gap);
+        -sizes.sum()
+    }
+}
+
+/// z of v in its place.
+pub(super) fn shrink(threshold: f64, along: &mut [f64], down: &mut [f64]) {
+    dispatch(Shrink { threshold, along, down });
+}
+
+struct Shrink<'a> {
+    threshold: f64,
+    along: &'a mut [f64],
+    down: &'a mut [f64],
+}
+
+impl Kernel for Shrink<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let threshold = F8::<I>::splat(self.threshold);
+        let (along, along_rest) = self.along.as_chunks_mut::<LANES>();
+        let (down, down_rest) = self.down.as_chunks_mut::<LANES>();
+        for i in 0..along.len().min(down.len()) {
+            let ([a, b], _) = shrink_pairs([F8::load(&along[i]), F8::load(&down[i])], threshold);
+            a.store(&mut along[i]);
+            b.store(&mut down[i]);
+        }
+        if !along_rest.is_empty() {
+            let ([a, b], _) = shrink_pairs([filled(along_rest), filled(down_rest)], threshold);
+            put(a, along_rest);
+            put(b, down_rest);
+        }
     }
 }

@@ -20,6 +20,7 @@ impl Admm {
     }
 
     fn residual(&mut self) -> Residual {
+        self.unfold();
         let mut residual = Residual::default();
         for ((term, p), u) in self.problem.terms.iter_mut().zip(&self.p).zip(&self.u) {
             residual += term.residual(&self.x, p, u);
@@ -105,6 +106,7 @@ impl Method for Admm {
     }
 
     fn splitting(&mut self) -> Option<Splitting<'_>> {
+        self.unfold();
         Some(Splitting { problem: &mut self.problem, x: &self.x, p: &self.p, u: &self.u })
     }
 
@@ -143,12 +145,14 @@ impl Method for Admm {
     }
 
     fn forces(&mut self) -> Option<Vec<f64>> {
+        self.unfold();
         let mut forces = vec![0.0; self.x.len()];
         self.problem.penalty(&self.x, &self.p, &mut forces);
         Some(forces)
     }
 
     fn forces_of_term(&mut self, term: usize) -> Option<Vec<f64>> {
+        self.unfold();
         let mut forces = vec![0.0; self.x.len()];
         self.problem.terms.get_mut(term)?.penalty(&self.x, &self.p[term], &mut forces);
         Some(forces)
