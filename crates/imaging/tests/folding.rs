@@ -1,6 +1,6 @@
 //! Iterations on v = z + u alone.
 
-use proxel_imaging::restore::{Edges, Iteration, Model};
+use proxel_imaging::restore::{Edges, Iteration, Model, Regulariser};
 use proxel_imaging::{Image, Norm, Psf};
 use proxel_split::Method;
 
@@ -20,6 +20,11 @@ fn models() -> Vec<Model> {
         .into_iter()
         .flat_map(|edges| [1, 3].map(|channels| Model::new(&image(channels), blur.clone(), edges, 40.0)))
         .collect();
+    for (edges, channels, norm) in [(Edges::Periodic, 1, Norm::Channels), (Edges::Unknown, 2, Norm::Channels)] {
+        let mut cosines = Model::new(&image(channels), blur.clone(), edges, 40.0);
+        (cosines.regulariser, cosines.norm) = (Regulariser::Frame, norm);
+        all.push(cosines);
+    }
     // Colours together: their terms keep p and u.
     let mut together = Model::new(&image(3), blur, Edges::Periodic, 40.0);
     together.norm = Norm::Vectorial;

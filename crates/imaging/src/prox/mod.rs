@@ -55,6 +55,13 @@ pub trait Pointwise: Send + Sync {
         None
     }
 
+    /// Where g is the sum of weight |z| over all numbers of so many planes, each by itself: those of a row's pixels that count,
+    /// and the weights of planes, over and over.
+    fn shrinks_numbers(&self, pixels: Range<usize>, planes: usize) -> Option<(Range<usize>, &[f64])> {
+        let _ = (pixels, planes);
+        None
+    }
+
     /// A typical size of the gradient of g at a pixel.
     fn force(&self) -> f64;
 
@@ -98,6 +105,10 @@ impl<P: Pointwise + ?Sized> Pointwise for Box<P> {
 
     fn shrinks_pairs(&self, pixels: Range<usize>, planes: usize) -> Option<Range<usize>> {
         (**self).shrinks_pairs(pixels, planes)
+    }
+
+    fn shrinks_numbers(&self, pixels: Range<usize>, planes: usize) -> Option<(Range<usize>, &[f64])> {
+        (**self).shrinks_numbers(pixels, planes)
     }
 
     fn force(&self) -> f64 {

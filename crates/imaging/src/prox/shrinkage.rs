@@ -137,6 +137,11 @@ impl Pointwise for Shrinkage {
         });
     }
 
+    fn shrinks_numbers(&self, pixels: Range<usize>, planes: usize) -> Option<(Range<usize>, &[f64])> {
+        let alone = !self.joint || planes <= self.weights.len();
+        (alone && !self.weights.is_empty()).then(|| (self.counted(&pixels), self.weights.as_slice()))
+    }
+
     /// The largest weight.
     fn force(&self) -> f64 {
         self.weights.iter().copied().fold(0.0, f64::max)

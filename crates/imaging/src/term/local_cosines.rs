@@ -2,6 +2,7 @@
 
 use super::stencil::{Stencil, Visit};
 use crate::Grid;
+use proxel_linalg::simd::{Isa, Kernel, dispatch};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -51,22 +52,14 @@ impl Stencil for LocalCosines {
         let w = grid.width;
         let mut along = vec![0.0; w + M - 1]; // with what is around the end
         for (c, out) in out.chunks_mut(Self::PLANES * w).enumerate() {
-            let line = |a: usize| &x[((row + a) % grid.height * grid.channels + c) * w..][..w];
+            let lines = std::array::from_fn(|a| &x[((row + a) % grid.height * grid.channels + c) * w..][..w]);
             for (k, out) in out.chunks_mut(M * w).enumerate() {
-                along[..w].fill(0.0);
-                for a in 0..M {
-                    let f = self.c[k][a];
-                    along[..w].iter_mut().zip(line(a)).for_each(|(t, x)| *t += f * x);
-                }
+                combine(self.c[k], lines, &mut along[..w], false);
                 for j in w..w + M - 1 {
                     along[j] = along[j - w];
                 }
                 for (l, out) in out.chunks_mut(w).enumerate() {
-                    out.fill(0.0);
-                    for b in 0..M {
-                        let f = self.c[l][b];
-                        out.iter_mut().zip(&along[b..]).for_each(|(o, t)| *o += f * t);
-                    }
+                    combine(self.c[l], std::array::from_fn(|b| &along[b..b + w]), out, false);
                 }
             }
         }
@@ -74,33 +67,40 @@ impl Stencil for LocalCosines {
 
     /// Gathered: what each pixel is in the surroundings of.
     fn add_adjoint(&self, grid: Grid, scale: f64, p: &[f64], out: &mut [f64]) {
-        let (w, h, planes) = (grid.width, grid.height, Self::PLANES * grid.channels);
+        let (h, local) = (grid.height, self.local_row(grid));
         let rows = out[..grid.len()].par_chunks_mut(grid.row_len()).enumerate().with_min_len(grid.task_rows());
-        let scratch = || vec![0.0; w + M - 1]; // with what is around the start
-        rows.for_each_init(scratch, |down, (row, out)| {
+        rows.for_each_init(Vec::new, |room, (row, out)| {
             // Rows above, as often around as it takes.
-            let above = |a: usize| (row + M * h - a) % h;
-            for (c, out) in out.chunks_mut(w).enumerate() {
-                for l in 0..M {
-                    down.fill(0.0);
-                    for a in 0..M {
-                        for k in 0..M {
-                            let f = scale * self.c[k][a];
-                            let plane = &p[(above(a) * planes + c * Self::PLANES + k * M + l) * w..][..w];
-                            down[M - 1..].iter_mut().zip(plane).for_each(|(d, p)| *d += f * p);
-                        }
-                    }
-                    // Number j - b stands at j - b + M - 1, those below 0 at the end of the row.
-                    for b in 1..M {
-                        down[M - 1 - b] = down[M - 1 + (w * M - b) % w];
-                    }
-                    for b in 0..M {
-                        let f = self.c[l][b];
-                        out.iter_mut().zip(&down[M - 1 - b..]).for_each(|(o, d)| *o += f * d);
-                    }
+            let above: [&[f64]; M] = std::array::from_fn(|a| &p[(row + M * h - a) % h * local..][..local]);
+            self.gather(grid, scale, &above, out, room);
+        });
+    }
+
+    fn reach(&self) -> Option<usize> {
+        Some(M)
+    }
+
+    fn gather(&self, grid: Grid, scale: f64, above: &[&[f64]], out: &mut [f64], room: &mut Vec<f64>) {
+        let (w, stride) = (grid.width, grid.width + M - 1);
+        let Some(above) = above.first_chunk::<M>() else { return };
+        room.resize(M * stride, 0.0);
+        for (c, out) in out.chunks_mut(w).enumerate() {
+            // With what is around the start: number j - b stands at j - b + M - 1, those below 0 at the end of the row.
+            for (l, down) in room.chunks_mut(stride).enumerate() {
+                let factors: [f64; M * M] = std::array::from_fn(|ak| scale * self.c[ak % M][ak / M]);
+                let planes = std::array::from_fn(|ak| {
+                    let plane = c * Self::PLANES + ak % M * M + l;
+                    &above[ak / M][plane * w..(plane + 1) * w]
+                });
+                combine(factors, planes, &mut down[M - 1..], false);
+                for b in 1..M {
+                    down[M - 1 - b] = down[M - 1 + (w * M - b) % w];
                 }
             }
-        });
+            let factors: [f64; M * M] = std::array::from_fn(|lb| self.c[lb / M][lb % M]);
+            let shifted = std::array::from_fn(|lb| &room[lb / M * stride + M - 1 - lb % M..][..w]);
+            combine(factors, shifted, out, true);
+        }
     }
 
     fn for_each(&self, grid: Grid, visit: &mut Visit<'_>) {
@@ -120,6 +120,39 @@ impl Stencil for LocalCosines {
                     }
                 }
             }
+        }
+    }
+}
+
+/// out <- sum of f_k from_k, or out += that sum.
+fn combine<const N: usize>(factors: [f64; N], from: [&[f64]; N], out: &mut [f64], adds: bool) {
+    dispatch(Combine { factors, from, out, adds });
+}
+
+struct Combine<'a, const N: usize> {
+    factors: [f64; N],
+    from: [&'a [f64]; N],
+    out: &'a mut [f64],
+    adds: bool,
+}
+
+impl<const N: usize> Kernel for Combine<'_, N> {
+    type Output = ();
+
+    // Loops by index, which are compiled for the instruction set.
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let n = self.out.len();
+        let (mut from, factors, out) = (self.from, self.factors, &mut self.out[..n]);
+        for from in &mut from {
+            *from = &from[..n];
+        }
+        for i in 0..n {
+            let mut sum = if self.adds { out[i] } else { 0.0 };
+            for k in 0..N {
+                sum += factors[k] * from[k][i];
+            }
+            out[i] = sum;
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod differences;
 mod folded;
+mod folded_stencil;
 mod gradient;
 mod local_cosines;
 mod pairs;

@@ -3,7 +3,9 @@
 use super::pass::{Sums, begin};
 use crate::{Grid, Pointwise};
 use proxel_linalg::sparse::SymPattern;
-use proxel_split::{Cycle, DualMap, EnergyReport, LocalReport, PenaltyReport, Residual, Scale, Term, Weight, vector};
+use proxel_split::{
+    Cycle, DualMap, EnergyReport, Folded, LocalReport, PenaltyReport, Residual, Scale, Term, Weight, vector,
+};
 use rayon::prelude::*;
 
 /// What is told of a local number: its nodes and their factors.
@@ -20,6 +22,17 @@ pub trait Stencil: Send + Sync {
     /// out += scale D^T p.
     fn add_adjoint(&self, grid: Grid, scale: f64, p: &[f64], out: &mut [f64]);
 
+    /// Rows of p that D^T p of a row hangs on, itself and those above it, around the border; none where they are not these.
+    fn reach(&self) -> Option<usize> {
+        None
+    }
+
+    /// out += scale (D^T p) of a row; `above` are as many rows of p as it [reaches](Self::reach), from its own upwards. `room` is
+    /// the caller's to keep.
+    fn gather(&self, grid: Grid, scale: f64, above: &[&[f64]], out: &mut [f64], room: &mut Vec<f64>) {
+        let _ = (grid, scale, above, out, room);
+    }
+
     /// Visits each local number: its nodes and their factors.
     fn for_each(&self, grid: Grid, visit: &mut Visit<'_>);
 }
@@ -27,8 +40,8 @@ pub trait Stencil: Send + Sync {
 /// g(D x) for a [`Stencil`] D. One weight w^2 for all numbers. Local vectors are laid out row by row, in each row plane by plane,
 /// as [`Pointwise`] takes them.
 pub struct StencilTerm<S, P> {
-    grid: Grid,
-    stencil: S,
+    pub(super) grid: Grid,
+    pub(super) stencil: S,
     of: P,
     weight: Weight,
     parts: Vec<LocalReport>, // of each row
@@ -41,17 +54,36 @@ impl<S: Stencil, P: Pointwise> StencilTerm<S, P> {
         StencilTerm { grid, stencil, of, weight: Weight::new(weight2), parts }
     }
 
-    fn local_row(&self) -> usize {
+    /// Its function.
+    pub(super) fn of(&self) -> &P {
+        &self.of
+    }
+
+    /// w^2
+    pub(super) fn weight2(&self) -> f64 {
+        self.weight.squared
+    }
+
+    /// Reports of rows, to be given back.
+    pub(super) fn take_parts(&mut self) -> Vec<LocalReport> {
+        std::mem::take(&mut self.parts)
+    }
+
+    pub(super) fn give_parts(&mut self, parts: Vec<LocalReport>) {
+        self.parts = parts;
+    }
+
+    pub(super) fn local_row(&self) -> usize {
         self.stencil.local_row(self.grid)
     }
 
-    fn pixels(&self, row: usize) -> std::ops::Range<usize> {
+    pub(super) fn pixels(&self, row: usize) -> std::ops::Range<usize> {
         row * self.grid.width..(row + 1) * self.grid.width
     }
 
     fn sweep(&mut self, cycle: &Cycle, x: &[f64], p: &mut [f64], u: &mut [f64]) -> LocalReport {
         let local = self.local_row();
-        let mut parts = std::mem::take(&mut self.parts);
+        let mut parts = self.take_parts();
         let this = &*self;
         let rows = p.par_chunks_mut(local).zip(u.par_chunks_mut(local)).zip(parts.par_iter_mut()).enumerate();
         let scratch = || (vec![0.0; local], vec![0.0; local]);
@@ -65,7 +97,7 @@ impl<S: Stencil, P: Pointwise> StencilTerm<S, P> {
         });
         let mut report = LocalReport::default();
         parts.iter().for_each(|part| report += *part);
-        self.parts = parts;
+        self.give_parts(parts);
         report
     }
 
@@ -141,6 +173,12 @@ impl<S: Stencil, P: Pointwise> Term for StencilTerm<S, P> {
         let report = self.sweep(cycle, x, p, u);
         self.stencil.add_adjoint(self.grid, -self.weight.squared, p, pull);
         report
+    }
+
+    fn folded(&mut self) -> Option<&mut dyn Folded> {
+        let planes = self.local_row() / self.grid.width.max(1);
+        let folds = self.stencil.reach().is_some() && self.of.shrinks_numbers(self.pixels(0), planes).is_some();
+        folds.then_some(self)
     }
 
     fn local_work(&self) -> f64 {
