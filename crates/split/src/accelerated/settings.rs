@@ -132,8 +132,8 @@ impl Acceleration {
         Acceleration { algorithm, by: Extrapolation::anderson(window), history: History::AsPublished }
     }
 
-    /// A2DM2 (Kadkhodaie et al. 2015): momentum of the dual without restart, z being the one that has it; for terms whose
-    /// dual is affine.
+    /// A2DM2 (Kadkhodaie et al. 2015): momentum of the dual without restart, z being the one that has it; for terms
+    /// whose dual is affine.
     pub fn a2dm2() -> Self {
         let by = Extrapolation::Momentum { eta: None, corrected: false };
         Acceleration { algorithm: Algorithm::DualAlone, by, history: History::AsPublished }

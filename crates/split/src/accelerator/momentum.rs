@@ -23,8 +23,8 @@ use crate::vector;
 /// uhat_next = u + (alpha - 1)/alpha_next (u - u_before),   zhat_next = argmin g(z) - <W^2 uhat_next, z>
 /// ```
 ///
-/// The last is the z that has uhat for its dual, W^2 uhat = grad g(zhat): where that is affine, z goes by the coefficients of
-/// u, so that [`crate::DualAlone`] carries it.
+/// The last is the z that has uhat for its dual, W^2 uhat = grad g(zhat): where that is affine, z goes by the
+/// coefficients of u, so that [`crate::DualAlone`] carries it.
 #[derive(Clone, Debug)]
 pub struct Momentum {
     eta: Option<f64>, // of the restart, where there is one
