@@ -94,7 +94,7 @@ fn iterations_are_those_of_another_implementation() {
         eprintln!("skipped: PROXEL_DATA names no folder with imaging/camera-snake15.npy and imaging/snake15.txt");
         return;
     };
-    let fast = Extrapolation::Momentum { eta: 0.999, corrected: false };
+    let fast = Extrapolation::Momentum { eta: Some(0.999), corrected: false };
     let fast = Acceleration { algorithm: Algorithm::One, by: fast, history: History::AsPublished };
     let anderson = |algorithm| Some(Acceleration::anderson(algorithm, 6));
     let (v, both) = (Algorithm::DouglasRachford, Algorithm::One);

@@ -219,3 +219,19 @@ fn the_bars_take_as_many_iterations_as_published() {
         }
     }
 }
+
+/// What presses on what cannot be told from forces that are off by a hundredth: under contact a looser tolerance is 1e-4.
+#[test]
+fn under_contact_a_loose_tolerance_is_no_looser_than_forces_of_contact_need() {
+    let falling = format!("{CUBE}\nvelocity = [0, -5, 0]");
+    let bound = |tol: &str, rest: &str| {
+        let solver = format!("method = \"auto\"\ntol = {tol}");
+        let (records, _) = run(&scene(&solver, "dt = 0.02\nframes = 1", &falling, rest));
+        assert_eq!(records[0].status, "converged", "{}", records[0].reason);
+        (records[0].gradient_bound, records[0].contacts)
+    };
+    let ((loose, pressing), (tight, _)) = (bound("1e-2", FLOOR), bound("1e-4", FLOOR));
+    assert!(pressing > 0 && loose == tight, "{pressing} pressing, {loose} and {tight}");
+    let ((loose, none), (tight, _)) = (bound("1e-2", ""), bound("1e-4", ""));
+    assert!(none == 0 && (loose / tight - 100.0).abs() < 1e-9, "{none} pressing, {loose} and {tight}");
+}

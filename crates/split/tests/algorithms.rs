@@ -75,9 +75,9 @@ fn every_part_converges_to_the_minimum() {
         (Algorithm::One, anderson(4, 0.9, Kind::Two), SMOOTH),
         (Algorithm::Three, anderson(5, 1.0, Kind::One), SMOOTH),
         (Algorithm::Four, anderson(5, 1.0, Kind::One), SMOOTH),
-        (Algorithm::One, Extrapolation::Momentum { eta: 0.999, corrected: false }, SMOOTH),
-        (Algorithm::Two, Extrapolation::Momentum { eta: 0.999, corrected: false }, SMOOTH),
-        (Algorithm::One, Extrapolation::Momentum { eta: 0.999, corrected: true }, SMOOTH),
+        (Algorithm::One, Extrapolation::Momentum { eta: Some(0.999), corrected: false }, SMOOTH),
+        (Algorithm::Two, Extrapolation::Momentum { eta: Some(0.999), corrected: false }, SMOOTH),
+        (Algorithm::One, Extrapolation::Momentum { eta: Some(0.999), corrected: true }, SMOOTH),
         (Algorithm::Envelope, Extrapolation::anderson(6), SMOOTH),
         (Algorithm::DouglasRachford, Extrapolation::anderson(6), SMOOTH),
         (Algorithm::LocalAlone, Extrapolation::anderson(6), quadratic),
@@ -110,7 +110,7 @@ fn on_a_quadratic_one_variable_alone_ends_after_as_many_steps_as_it_has_dimensio
 #[test]
 fn momentum_that_overshoots_is_restarted() {
     for algorithm in [Algorithm::One, Algorithm::Two] {
-        let by = Extrapolation::Momentum { eta: 0.999, corrected: false };
+        let by = Extrapolation::Momentum { eta: Some(0.999), corrected: false };
         let mut method = accelerated(SMOOTH, Acceleration { algorithm, by, history: History::AsPublished });
         let (mut before, mut restarts) = (f64::INFINITY, 0);
         for _ in 0..80 {

@@ -314,3 +314,48 @@ fn the_driver_does_what_is_printed() {
     // Of combined residuals this chain refuses none; that rejections of theirs are what they should be is tested elsewhere.
     assert!(rejections[3] > 0 && rejections[4] > 0, "the safeguard has nothing to do: {rejections:?}");
 }
+
+/// A2DM2 (Kadkhodaie et al. 2015) as it is printed: momentum of the dual, and from it zhat = argmin g(z) - <u, z>, here
+/// worked out anew from the law in the place of going by the coefficients of the dual.
+#[test]
+fn a2dm2_is_momentum_of_the_dual_and_the_z_that_has_it() {
+    let law = Law { k: 3.0, q: 0.0, limits: None };
+    let dense = Dense::new(law);
+    let mut method = Acceleration::a2dm2().of(admm(problem(law, true))).expect("a quadratic");
+    let nearest = |u: &[f64]| -> Vector { (0..FREE).map(|e| dense.w[e] + u[e] / law.k).collect() };
+    // A plain cycle makes x, z and u fit each other; with that the recurrence begins.
+    let mut x = dense.x.clone();
+    let mut u = vec![0.0; FREE];
+    let cycle = |x: &mut Vector, u: &[f64]| {
+        let z = dense.z_step(x, u);
+        let u = combine(1.0, u, 1.0, &dense.gap(x, &z));
+        *x = dense.x_step(&z, &u);
+        (z, u)
+    };
+    let mut z;
+    (z, u) = cycle(&mut x, &u);
+    method.step().expect("a step");
+    let (mut alpha, mut before) = (1.0_f64, u.clone());
+    let (mut hat_z, mut hat_u) = (z.clone(), u.clone());
+    let mut moved = 0.0;
+    for k in 1..80 {
+        let hat_x = dense.x_step(&hat_z, &hat_u);
+        z = dense.z_step(&hat_x, &hat_u);
+        u = combine(1.0, &hat_u, 1.0, &dense.gap(&hat_x, &z));
+        let report = method.step().expect("a step");
+        let image = dense.x_step(&z, &u);
+        let apart = square(&combine(1.0, &image, -1.0, method.x())).sqrt();
+        assert!(apart < 1e-11, "cycle {k}: {apart}");
+        assert_eq!(report.trial.rejected, 0, "cycle {k}");
+        // The first image of the recurrence has none before it.
+        let next = 0.5 * (1.0 + (1.0 + 4.0 * alpha * alpha).sqrt());
+        let momentum = if k == 1 { 0.0 } else { (alpha - 1.0) / next };
+        hat_u = combine(1.0 + momentum, &u, -momentum, &before);
+        hat_z = nearest(&hat_u);
+        moved += momentum * square(&combine(1.0, &u, -1.0, &before)).sqrt();
+        (alpha, before) = (next, u.clone());
+    }
+    assert!(moved > 1e-3, "no momentum to be seen: {moved}");
+    let gradient = method.evaluate().gradient_norm;
+    assert!(gradient < 1e-3, "{gradient}");
+}

@@ -149,7 +149,7 @@ impl Restoration {
         Ok(match iteration {
             Iteration::Admm { relaxation } => Box::new(relaxed(admm, relaxation)?.with_folding()),
             Iteration::Fast => {
-                let by = Extrapolation::Momentum { eta: 0.999, corrected: false };
+                let by = Extrapolation::Momentum { eta: Some(0.999), corrected: false };
                 Acceleration { algorithm: Algorithm::One, by, history: History::AsPublished }.of(admm)?
             }
             Iteration::Anderson { window, both, relaxation } => {

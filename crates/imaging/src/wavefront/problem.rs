@@ -177,7 +177,7 @@ impl Linearised {
             Solver::AlgorithmOne { window } => Acceleration::anderson(Algorithm::One, window).of(admm("algorithm-1")?),
             Solver::LocalAlone { window } => Acceleration::anderson(Algorithm::LocalAlone, window).of(admm("z-alone")?),
             Solver::Fast => {
-                let by = Extrapolation::Momentum { eta: ETA, corrected: false };
+                let by = Extrapolation::Momentum { eta: Some(ETA), corrected: false };
                 Acceleration { algorithm: Algorithm::One, by, history: History::AsPublished }.of(admm("fast")?)
             }
             Solver::Gmres { restart } => Ok(Box::new(Gmres::new(self, restart)?)),

@@ -36,17 +36,24 @@ pub(super) fn measure(scene: &Scene, world: &World, engine: &mut Engine, state: 
     }
     let walls = Walls::new(world, time, time);
     let depth = walls.deepest(&world.touching, x).0.max(walls.deepest(&world.held, x).0);
+    let (mut elastic, mut inverted) = (0.0, 0);
+    for term in engine.elements() {
+        let report = term.energy(x, None);
+        elastic += report.value;
+        inverted += report.inverted;
+    }
+    elastic += world.form.value_and_gradient(x, 3, None);
     FrameRecord {
         frame: *frame,
         time,
         kinetic,
-        elastic: elastic(world, engine, x).0,
+        elastic,
         potential,
         momentum: p,
         angular_momentum: l,
         max_strain_violation: engine.strain_violation(x),
         max_penetration: depth,
-        inverted: engine.elements().iter_mut().map(|term| term.energy(x, None).inverted).sum(),
+        inverted,
         ..FrameRecord::default()
     }
 }

@@ -69,10 +69,10 @@ pub enum Extrapolation {
         /// Type I or II.
         kind: Kind,
     },
-    /// [`Momentum`] with restart, with Guler's correction or without.
+    /// [`Momentum`], with Guler's correction or without.
     Momentum {
-        /// eta of the restart.
-        eta: f64,
+        /// eta of the restart; none: every point is kept.
+        eta: Option<f64>,
         /// Whether it is corrected.
         corrected: bool,
     },
@@ -103,11 +103,13 @@ impl Extrapolation {
             Extrapolation::Anderson { window, mixing, kind } => {
                 Box::new(Anderson::new(window).with_mixing(mixing).of_kind(kind))
             }
-            Extrapolation::Momentum { eta, .. } if !(eta > 0.0 && eta < 1.0) => {
+            Extrapolation::Momentum { eta: Some(eta), .. } if !(eta > 0.0 && eta < 1.0) => {
                 return Err(BuildError::Setting(format!("eta of the restart is {eta}; it must be between 0 and 1")));
             }
-            Extrapolation::Momentum { eta, corrected: false } => Box::new(Momentum::new(eta)),
-            Extrapolation::Momentum { eta, corrected: true } => Box::new(Momentum::new(eta).corrected()),
+            Extrapolation::Momentum { eta, corrected } => {
+                let momentum = eta.map_or_else(|| Momentum::new(1.0).without_restart(), Momentum::new);
+                Box::new(if corrected { momentum.corrected() } else { momentum })
+            }
             Extrapolation::None => Box::new(Unaccelerated),
         })
     }
@@ -128,6 +130,13 @@ impl Acceleration {
     /// Anderson of m = `window` columns on what the algorithm accelerates.
     pub fn anderson(algorithm: Algorithm, window: usize) -> Self {
         Acceleration { algorithm, by: Extrapolation::anderson(window), history: History::AsPublished }
+    }
+
+    /// A2DM2 (Kadkhodaie et al. 2015): momentum of the dual without restart, z being the one that has it; for terms
+    /// whose dual is affine.
+    pub fn a2dm2() -> Self {
+        let by = Extrapolation::Momentum { eta: None, corrected: false };
+        Acceleration { algorithm: Algorithm::DualAlone, by, history: History::AsPublished }
     }
 
     /// As [`Self::of`], where it pays: see [`super::Account`].

@@ -13,12 +13,21 @@ use crate::vector;
 /// goes on from the image before.
 ///
 /// With c = alpha/alpha_next ([`Momentum::corrected`]) the recurrence is that of the second method of Guler 1992 for the
-/// proximal point algorithm, G being its resolvent: the momentum counts what the last point was off, too. Kadkhodaie et al.
-/// 2015 (A2DM2) accelerate ADMM by momentum of z and u as well; this is not claimed to be their method line by line, whose
-/// text was not to be had.
+/// proximal point algorithm, G being its resolvent: the momentum counts what the last point was off, too.
+///
+/// Without restart ([`Momentum::without_restart`]) and on the dual alone it is A2DM2 (Kadkhodaie et al. 2015), for
+/// strongly convex g:
+///
+/// ```text
+/// x = argmin f(x) + 1/2 |W(Dx - zhat + uhat)|^2,   z = argmin g(z) + 1/2 |W(Dx - z + uhat)|^2,   u = uhat + Dx - z
+/// uhat_next = u + (alpha - 1)/alpha_next (u - u_before),   zhat_next = argmin g(z) - <W^2 uhat_next, z>
+/// ```
+///
+/// The last is the z that has uhat for its dual, W^2 uhat = grad g(zhat): where that is affine, z goes by the
+/// coefficients of u, so that [`crate::DualAlone`] carries it.
 #[derive(Clone, Debug)]
 pub struct Momentum {
-    eta: f64,
+    eta: Option<f64>, // of the restart, where there is one
     corrected: bool,
     alpha: f64,
     before: Vec<f64>, // the last image
@@ -28,7 +37,14 @@ pub struct Momentum {
 impl Momentum {
     /// Of Goldstein et al.; their eta is 0.999.
     pub fn new(eta: f64) -> Self {
-        Momentum { eta, corrected: false, alpha: 1.0, before: Vec::new(), primed: false }
+        Momentum { eta: Some(eta), corrected: false, alpha: 1.0, before: Vec::new(), primed: false }
+    }
+
+    /// Every point is kept.
+    #[must_use]
+    pub fn without_restart(mut self) -> Self {
+        self.eta = None;
+        self
     }
 
     /// With Guler's correction.
@@ -77,7 +93,8 @@ impl Accelerator for Momentum {
     }
 
     fn required(&self) -> f64 {
-        self.eta
+        // Any finite merit is below that.
+        self.eta.unwrap_or(f64::INFINITY)
     }
 }
 

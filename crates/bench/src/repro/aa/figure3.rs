@@ -31,7 +31,7 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     }
     let by = |algorithm, by| Some(Acceleration { algorithm, by, history: History::AsPublished });
     for (name, corrected) in [("fast-admm", false), ("fast-admm corrected", true)] {
-        let momentum = Extrapolation::Momentum { eta: 0.999, corrected };
+        let momentum = Extrapolation::Momentum { eta: Some(0.999), corrected };
         of(context, name, scene.admm()?, by(Algorithm::One, momentum))?;
     }
     let one = Extrapolation::Anderson { window: 6, mixing: 1.0, kind: Kind::One };

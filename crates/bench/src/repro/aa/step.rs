@@ -40,7 +40,7 @@ impl Way {
 
     /// Those of the figures.
     pub fn all() -> Vec<Way> {
-        let momentum = Extrapolation::Momentum { eta: 0.999, corrected: false };
+        let momentum = Extrapolation::Momentum { eta: Some(0.999), corrected: false };
         let fast = Acceleration { algorithm: Algorithm::Two, by: momentum, history: History::AsPublished };
         let mut all = vec![Way::plain("admm", 1.0)];
         all.extend([1, 3, 6, 10].map(Way::four));

@@ -1,6 +1,7 @@
 //! The problem of a step and what solves it: the parts that steps have in common are kept.
 
 mod newton;
+mod prelude;
 mod splitting;
 
 use super::contact::{Known, Walls};
@@ -13,8 +14,8 @@ use crate::settings::{DeformSettings, MethodName};
 use proxel_model::contact::Contacts;
 use proxel_model::strain_limit::StrainLimits;
 use proxel_split::{
-    Hessian, Inertia, NormalMatrix, Potential, Precision, Problem, Quadratic, SquaredResiduals, Status, SystemError,
-    Term, vector,
+    EnergyReport, Hessian, Inertia, NormalMatrix, Potential, Precision, Problem, Quadratic, SquaredResiduals, Status,
+    SystemError, Term, vector,
 };
 use splitting::Splitting;
 use std::sync::Arc;
@@ -71,8 +72,24 @@ pub(super) struct Engine {
     settings: DeformSettings,
     inertia: f64, // of the problem
     characteristic: f64,
-    penalty: f64,   // norm of the stiffness of contact over all points, and of limits
-    mean_edge: f64, // at rest
+    penalty: f64,              // norm of the stiffness of contact over all points, and of limits
+    mean_edge: f64,            // at rest
+    start: EnergyReport,       // of the problem at the start of the step
+    upright: Option<Vec<f64>>, // the last positions that were seen to have no inverted elements
+}
+
+/// What gradients are measured by.
+#[derive(Clone, Copy, Debug)]
+struct Forces {
+    reference: f64,
+    floor: f64, // below it is rounding
+}
+
+impl Forces {
+    /// What the gradient has to be below: the tolerance times the forces.
+    fn bound(&self, tol: f64) -> f64 {
+        (MARGIN * tol * self.reference).max(self.floor)
+    }
 }
 
 /// How steps are solved.
@@ -89,6 +106,7 @@ struct Matrices {
     normal: Option<NormalMatrix>, // none where every node is held
     hessian: Option<Hessian>,
     factored: usize, // refactorisations of the normal matrix when its weights were those of the start
+    worn: bool,      // whether a splitting has been at work: terms remember it
 }
 
 /// The stiffness of contact, in units of that of the nodes that touch. The larger, the sooner multipliers converge, and the
@@ -149,6 +167,8 @@ impl Engine {
             settings,
             inertia,
             mean_edge: world.mean_edge(),
+            start: EnergyReport::default(),
+            upright: None,
         };
         if matches!(engine.how, How::Newton(_)) && world.n_free > 0 {
             engine.prepare_newton(world, damped)?;
@@ -220,11 +240,14 @@ impl Engine {
     /// # Errors
     /// As [`Self::new`].
     pub fn renew(&mut self, world: &World) -> Result<(), SimulateError> {
-        let Matrices { normal, hessian, factored } = match &mut self.how {
+        let Matrices { normal, hessian, factored, worn } = match &mut self.how {
             How::Splitting(splitting) => return splitting.renew(world),
             How::Newton(matrices) => &mut **matrices,
         };
-        self.problem.terms = world.terms(Hold::Not)?.terms;
+        // Newton's method leaves terms as they were.
+        if std::mem::take(worn) {
+            self.problem.terms = world.terms(Hold::Not)?.terms;
+        }
         let Some(normal) = normal else { return Ok(()) };
         if normal.refactorisations() != *factored {
             // A splitting on the way has changed weights.
@@ -248,11 +271,12 @@ impl Engine {
     /// A system that cannot be factored. A step that does not converge is no error.
     pub fn solve(&mut self, world: &World, task: &Task<'_>, stops: &mut Stops<'_>) -> Result<Solved, SimulateError> {
         self.prepare(world, task)?;
-        let bound = self.bound(task);
+        let forces = self.forces(task);
+        let bound = forces.bound(self.settings.tol);
         if world.n_free == 0 {
             return Ok(self.nothing_to_do(task));
         }
-        let How::Splitting(splitting) = &mut self.how else { return self.by_newton(world, task, bound, stops) };
+        let How::Splitting(splitting) = &mut self.how else { return self.by_newton(world, task, forces, stops) };
         let mut solved = splitting.solve(world, task, bound, (&self.settings, &self.contacts), stops)?;
         if !splitting.is_hard() {
             solved.gradient = Some(self.gradient(&solved.x));
@@ -276,7 +300,7 @@ impl Engine {
             set.map_err(|e| SimulateError::new(e.to_string()))?;
         }
         let How::Newton(matrices) = &mut self.how else { return Ok(()) };
-        let Matrices { normal: Some(normal), hessian, factored } = &mut **matrices else { return Ok(()) };
+        let Matrices { normal: Some(normal), hessian, factored, .. } = &mut **matrices else { return Ok(()) };
         if changed {
             normal.refactor(&self.problem)?;
             *factored = normal.refactorisations();
@@ -296,14 +320,14 @@ impl Engine {
         Ok(())
     }
 
-    /// What the gradient has to be below: the tolerance times the forces at the start, of inertia and of elements, which
-    /// may cancel each other, or the characteristic force if that is less.
-    fn bound(&mut self, task: &Task<'_>) -> f64 {
+    /// The forces at the start, of inertia and of elements, which may cancel each other, or the characteristic force if
+    /// that is less.
+    fn forces(&mut self, task: &Task<'_>) -> Forces {
         let n = 3 * self.problem.n_free;
         let mut inertia = vec![0.0; n];
         self.problem.quadratic.inertia.value_and_gradient(task.x, Some(&mut inertia));
         let mut rest = vec![0.0; n];
-        self.problem.energy(task.x, Some(&mut rest));
+        self.start = self.problem.energy(task.x, Some(&mut rest));
         vector::add_scaled(&mut rest, -1.0, &inertia);
         let forces = vector::norm(&inertia) + vector::norm(&rest);
         let reference = if forces.is_finite() { forces.min(self.characteristic) } else { self.characteristic };
@@ -313,7 +337,7 @@ impl Engine {
         let stiffness = vector::norm(self.problem.quadratic.inertia.stiffness());
         let floor = ROUNDING * (self.characteristic * (farthest / size).max(1.0) + stiffness * farthest)
             + f64::EPSILON / 2.0 * self.penalty * farthest;
-        (MARGIN * self.settings.tol * reference).max(floor)
+        Forces { reference, floor }
     }
 
     fn nothing_to_do(&self, task: &Task<'_>) -> Solved {
@@ -341,8 +365,9 @@ impl Engine {
         if is_met {
             return task.x.to_vec();
         }
-        let (predicted, before) = (self.problem.energy(&x, None), self.problem.energy(task.x, None));
-        let worse = self.forbidden(&x) > self.forbidden(task.x);
+        let (predicted, before) = (self.problem.energy(&x, None), self.start);
+        self.note(&x, &predicted);
+        let worse = predicted.inverted > 0 && self.forbidden(&x) > self.forbidden(task.x);
         let lower = predicted.value <= before.value;
         let higher = before.value.is_finite() && !lower;
         if worse || higher { task.x.to_vec() } else { x }
@@ -350,14 +375,27 @@ impl Engine {
 
     /// Inverted elements of materials that forbid them.
     fn forbidden(&mut self, x: &[f64]) -> u64 {
+        if self.upright.as_deref() == Some(x) {
+            return 0;
+        }
         let terms = self.problem.terms.iter_mut().zip(&self.barriers).filter(|(_, barrier)| **barrier);
         terms.map(|(term, _)| term.energy(x, None).inverted).sum()
     }
 
     fn gradient(&mut self, x: &[f64]) -> f64 {
         let mut grad = vec![0.0; 3 * self.problem.n_free];
-        self.problem.energy(x, Some(&mut grad));
+        let report = self.problem.energy(x, Some(&mut grad));
+        self.note(x, &report);
         vector::norm(&grad)
+    }
+
+    /// Keeps in mind where nothing is inverted.
+    fn note(&mut self, x: &[f64], report: &EnergyReport) {
+        if report.inverted == 0 {
+            let upright = self.upright.get_or_insert_default();
+            upright.clear();
+            upright.extend_from_slice(x);
+        }
     }
 
     /// Puts touches into the problem.

@@ -1,6 +1,7 @@
 //! Newton's method on an augmented Lagrangian of contact and of hard limits.
 
-use super::{Engine, How, Solved, Task};
+use super::prelude::Prelude;
+use super::{Engine, Forces, How, Solved, Task};
 use crate::deform::{REFUSALS, admm_settings};
 use crate::settings::MethodName;
 use crate::simulate::SimulateError;
@@ -33,6 +34,8 @@ const SOFTER: f64 = 16.0;
 const PATIENCE: usize = 4;
 /// With hard limits, which are held less stiffly then.
 const PATIENCE_OF_LIMITS: usize = 12;
+/// Under contact `tol` is at most this: which planes are pressed on cannot be told from forces that are off by more.
+const SETTLED_TOL: f64 = 1e-4;
 /// Part of the gradient that is left when planes and forces are renewed.
 const INNER: f64 = 0.05;
 
@@ -50,7 +53,7 @@ impl Engine {
         &mut self,
         world: &World,
         task: &Task<'_>,
-        bound: f64,
+        forces: Forces,
         stops: &mut Stops<'_>,
     ) -> Result<Solved, SimulateError> {
         let mut whole = task.x.to_vec();
@@ -66,9 +69,14 @@ impl Engine {
         let (mut iterations, mut rejected, mut rescued, mut stuck) = (0, 0, false, 0);
         let (mut status, mut reason) = (Status::Stopped, String::new());
         let (mut most, mut changes, mut best): (f64, usize, Option<Best>) = (0.0, 0, None);
+        let tol = self.settings.tol;
+        let mut bound = forces.bound(tol);
         let renewals = if self.strain.is_some() { RENEWALS_OF_LIMITS } else { RENEWALS };
         for renewal in 0..renewals {
             let left = self.settings.max_iters.saturating_sub(iterations);
+            if !self.contacts.touches().is_empty() {
+                bound = forces.bound(tol.min(SETTLED_TOL));
+            }
             let inner = match self.is_constrained() && !(settled && self.contacts.touches().is_empty()) {
                 true => bound.max(INNER * self.gradient(&x)),
                 false => bound,
@@ -79,7 +87,14 @@ impl Engine {
                     rescued = true;
                     self.run_auto(x, inner, left, stops)?
                 }
-                false => self.run_newton(x, inner, left, stops)?,
+                false => match self.prelude(x, inner, left, stops)? {
+                    Prelude::Done(outcome) => outcome,
+                    Prelude::From(x, so_far) => {
+                        let mut outcome = self.run_newton(x, inner, left - so_far.min(left), stops)?;
+                        outcome.iterations += so_far;
+                        outcome
+                    }
+                },
             };
             iterations += outcome.iterations;
             rejected += outcome.rejected;
@@ -228,6 +243,7 @@ impl Engine {
         stops: &mut Stops<'_>,
     ) -> Result<Outcome, SimulateError> {
         let (normal, _) = self.take_matrices()?;
+        self.wear();
         let problem = std::mem::replace(&mut self.problem, Problem::empty());
         let admm = Admm::resume(problem, normal, x, admm_settings(&self.settings), 0);
         let name = self.settings.method.as_str().to_string();
@@ -241,7 +257,7 @@ impl Engine {
         Ok(outcome)
     }
 
-    fn take_matrices(&mut self) -> Result<(NormalMatrix, Option<Hessian>), SimulateError> {
+    pub(super) fn take_matrices(&mut self) -> Result<(NormalMatrix, Option<Hessian>), SimulateError> {
         if let How::Newton(matrices) = &mut self.how
             && let Some(normal) = matrices.normal.take()
         {
@@ -250,8 +266,20 @@ impl Engine {
         Err(SimulateError::new("a step lost its matrix; begin the simulation anew".into()))
     }
 
-    fn put_back(&mut self, problem: Problem, normal: NormalMatrix, hessian: Option<Hessian>) {
+    /// Terms will have to be made anew before the next step.
+    pub(super) fn wear(&mut self) {
+        if let How::Newton(matrices) = &mut self.how {
+            matrices.worn = true;
+        }
+    }
+
+    pub(super) fn put_back(&mut self, problem: Problem, normal: NormalMatrix, hessian: Option<Hessian>) {
         self.problem = problem;
+        self.return_matrices(normal, hessian);
+    }
+
+    /// Where the problem was not taken.
+    pub(super) fn return_matrices(&mut self, normal: NormalMatrix, hessian: Option<Hessian>) {
         if let How::Newton(matrices) = &mut self.how {
             matrices.normal = Some(normal);
             matrices.hessian = hessian;

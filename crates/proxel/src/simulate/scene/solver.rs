@@ -179,8 +179,8 @@ impl SolverSpec {
         let by = match by {
             ExtrapolationName::Anderson => anderson(Kind::Two),
             ExtrapolationName::AndersonTypeOne => anderson(Kind::One),
-            ExtrapolationName::Momentum => Extrapolation::Momentum { eta: self.eta, corrected: false },
-            ExtrapolationName::CorrectedMomentum => Extrapolation::Momentum { eta: self.eta, corrected: true },
+            ExtrapolationName::Momentum => Extrapolation::Momentum { eta: Some(self.eta), corrected: false },
+            ExtrapolationName::CorrectedMomentum => Extrapolation::Momentum { eta: Some(self.eta), corrected: true },
         };
         let algorithm = match (self.algorithm, self.method) {
             (Some(name), _) => name.into(),
