@@ -88,7 +88,7 @@ impl Engine {
                     self.run_auto(x, inner, left, stops)?
                 }
                 false => match self.prelude(x, inner, left, stops)? {
-                    Prelude::Done(outcome) => outcome,
+                    Prelude::Done(outcome) => *outcome,
                     Prelude::From(x, so_far) => {
                         let mut outcome = self.run_newton(x, inner, left - so_far.min(left), stops)?;
                         outcome.iterations += so_far;

@@ -21,7 +21,7 @@ const WINDOW: usize = 3;
 /// How the splitting ended.
 pub(super) enum Prelude {
     /// Where the gradient is below the bound, or by the user.
-    Done(Outcome),
+    Done(Box<Outcome>),
     /// Newton is to go on from here, after so many iterations.
     From(Vec<f64>, usize),
 }
@@ -63,7 +63,7 @@ impl Engine {
             Status::Stopped if outcome.iterations < limit && !stops.is_over() => {
                 Prelude::From(outcome.x, outcome.iterations)
             }
-            _ => Prelude::Done(outcome),
+            _ => Prelude::Done(Box::new(outcome)),
         })
     }
 }
