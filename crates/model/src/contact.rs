@@ -28,8 +28,8 @@ pub struct Touch {
     pub anchor: [f64; 3],
 }
 
-/// The augmented Lagrangian of the constraints that points c = sum_i w_i x_i are in the intersection P of the half-spaces
-/// n_t . c >= h_t of their touches t, with friction that has its normal forces from before:
+/// The augmented Lagrangian of the constraints that points c = sum_i w_i x_i are in the intersection P of the
+/// half-spaces n_t . c >= h_t of their touches t, with friction that has its normal forces from before:
 ///
 /// ```text
 /// k dist(c - f / k, P)^2 / 2  -  |f|^2 / (2 k),   f = sum_t f_t n_t, for each point
@@ -37,12 +37,12 @@ pub struct Touch {
 /// phi(s) = s^2 / (2 e) for s <= e, else s - e / 2
 /// ```
 ///
-/// k is a stiffness of each point and f_t the multipliers. For one plane the first is (max(0, f - k g)^2 - f^2) / (2 k) with
-/// the gap g = n . c - h. It is convex, and once continuously differentiable; with p the point of P nearest to c - f / k, where
-/// its minimum is, k (p - c) + f is a better estimate of the force (Hestenes 1969, Powell 1969). That has the rate of a single
-/// plane however flat a hollow is: with a square for each of two planes a small angle apart multipliers would take
-/// 1 / angle^2 times as many rounds. Minimising it with
-/// Newton's method is an active-set strategy: a constraint is in the Hessian while p is held by it, and is dropped where its
+/// k is a stiffness of each point and f_t the multipliers. For one plane the first is
+/// (max(0, f - k g)^2 - f^2) / (2 k) with the gap g = n . c - h. It is convex, and once continuously differentiable; with
+/// p the point of P nearest to c - f / k, where its minimum is, k (p - c) + f is a better estimate of the force
+/// (Hestenes 1969, Powell 1969). That has the rate of a single plane however flat a hollow is: with a square for each of
+/// two planes a small angle apart multipliers would take 1 / angle^2 times as many rounds. Minimising it with Newton's
+/// method is an active-set strategy: a constraint is in the Hessian while p is held by it, and is dropped where its
 /// multiplier would pull (Hintermueller, Ito and Kunisch 2002). phi is Coulomb's law but for slips below e, which stick
 /// elastically. Where half-spaces have nothing in common, each has its own square.
 #[derive(Clone, Debug, Default)]
@@ -76,7 +76,8 @@ impl Contacts {
         &self.points
     }
 
-    /// The force along the normal of a touch, 0 or more: k l where p - (c - f / k) is the sum of l n over the planes of its point.
+    /// The force along the normal of a touch, 0 or more: k l where p - (c - f / k) is the sum of l n over the
+    /// planes of its point.
     pub fn pressure(&self, touch: &Touch, x: &[f64]) -> f64 {
         let from = self.touches.partition_point(|t| t.point < touch.point);
         let to = self.touches.partition_point(|t| t.point <= touch.point);

@@ -13,8 +13,8 @@ const ROUNDING: f64 = 1e-15;
 /// Farther behind one of them by this part, planes leave no room at all.
 const EMPTY: f64 = 1e-9;
 
-/// The projection p of a point y to P = {p : n_i . p >= h_i}, p - y = sum_i l_i n_i with l_i > 0 for at most three planes that p
-/// is on.
+/// The projection p of a point y to P = {p : n_i . p >= h_i}, p - y = sum_i l_i n_i with l_i > 0 for at most three
+/// planes that p is on.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Corner {
     at: [usize; 3], // places of planes
@@ -23,8 +23,8 @@ pub(super) struct Corner {
 }
 
 impl Corner {
-    /// Of y among these planes; none where they leave no room. All sets of up to three are looked at, small ones first: the one
-    /// whose numbers are not negative, and whose p is in front of all planes, is the only one.
+    /// Of y among these planes; none where they leave no room. All sets of up to three are looked at, small ones first:
+    /// the one whose numbers are not negative, and whose p is in front of all planes, is the only one.
     pub fn nearest(touches: &[Touch], y: V3) -> Option<Corner> {
         let behind = |i: usize| -gap(&touches[i], y);
         let scale = touches.iter().fold(norm(y), |m, t| m.max(t.height.abs()));

@@ -19,7 +19,7 @@ const RENEWALS: usize = 200;
 const SETTLED: f64 = 0.1;
 /// after so many changes only once it is solved.
 const LOOSE: usize = 2;
-/// Renewals after which friction learns of forces at anchors only: with every renewal it may go to and fro between them.
+/// Renewals after which friction learns of forces at anchors only: with every renewal it may go to and fro.
 const RUBBING: usize = 30;
 /// After these it stays as it is, so that there is a minimum to find.
 const GRIPPING: usize = 120;
@@ -136,8 +136,8 @@ impl Engine {
                     if !(off <= bound) {
                         status = Status::Stopped;
                         reason = format!(
-                            "friction did not settle: forces are balanced with that of earlier normal forces, and off by \
-                             {off:e} with that of the last ones ({bound:e} is asked)"
+                            "friction did not settle: forces are balanced with that of earlier normal forces, and off \
+                             by {off:e} with that of the last ones ({bound:e} is asked)"
                         );
                         break;
                     }
