@@ -1,6 +1,9 @@
 //! Contact as an augmented Lagrangian: what a Newton method on smooth functions makes of points in front of planes.
 
+mod corner;
+
 use crate::points::Points;
+use corner::Corner;
 use proxel_split::Potential;
 use std::sync::Arc;
 
@@ -25,19 +28,23 @@ pub struct Touch {
     pub anchor: [f64; 3],
 }
 
-/// The augmented Lagrangian of the constraints g_t(x) = n_t . c_t(x) - h_t >= 0 over touches t of points c = sum_i w_i x_i,
-/// with friction that has its normal forces from before:
+/// The augmented Lagrangian of the constraints that points c = sum_i w_i x_i are in the intersection P of the
+/// half-spaces n_t . c >= h_t of their touches t, with friction that has its normal forces from before:
 ///
 /// ```text
-/// sum_t (max(0, f_t - k g_t)^2 - f_t^2) / (2 k)  +  grip_t phi(|T_t (c_t - anchor_t)|),   T = 1 - n n^T,
+/// k dist(c - f / k, P)^2 / 2  -  |f|^2 / (2 k),   f = sum_t f_t n_t, for each point
+/// grip_t phi(|T_t (c_t - anchor_t)|),   T = 1 - n n^T,   for each touch
 /// phi(s) = s^2 / (2 e) for s <= e, else s - e / 2
 /// ```
 ///
-/// k is a stiffness of each point and f the multipliers. It is convex, and once continuously differentiable; where its
-/// minimum is, f <- max(0, f - k g) is a better estimate of the forces (Hestenes 1969, Powell 1969). Minimising it with
-/// Newton's method is an active-set strategy: a constraint is in the Hessian while f - k g > 0, and is dropped where its
+/// k is a stiffness of each point and f_t the multipliers. For one plane the first is
+/// (max(0, f - k g)^2 - f^2) / (2 k) with the gap g = n . c - h. It is convex, and once continuously differentiable; with
+/// p the point of P nearest to c - f / k, where its minimum is, k (p - c) + f is a better estimate of the force
+/// (Hestenes 1969, Powell 1969). That has the rate of a single plane however flat a hollow is: with a square for each of
+/// two planes a small angle apart multipliers would take 1 / angle^2 times as many rounds. Minimising it with Newton's
+/// method is an active-set strategy: a constraint is in the Hessian while p is held by it, and is dropped where its
 /// multiplier would pull (Hintermueller, Ito and Kunisch 2002). phi is Coulomb's law but for slips below e, which stick
-/// elastically.
+/// elastically. Where half-spaces have nothing in common, each has its own square.
 #[derive(Clone, Debug, Default)]
 pub struct Contacts {
     points: Arc<Points>,
@@ -69,10 +76,17 @@ impl Contacts {
         &self.points
     }
 
-    /// max(0, f - k g) of a touch: the force along its normal.
+    /// The force along the normal of a touch, 0 or more: k l where p - (c - f / k) is the sum of l n over the
+    /// planes of its point.
     pub fn pressure(&self, touch: &Touch, x: &[f64]) -> f64 {
-        let c: [f64; 3] = self.points.at(touch.point as usize, x);
-        (touch.force - self.stiffness[touch.point as usize] * gap(touch, c)).max(0.0)
+        let from = self.touches.partition_point(|t| t.point < touch.point);
+        let to = self.touches.partition_point(|t| t.point <= touch.point);
+        let all = self.touches.get(from..to).unwrap_or(&[]);
+        let (k, c) = (self.stiffness[touch.point as usize], self.points.at(touch.point as usize, x));
+        match all.iter().position(|t| t == touch) {
+            Some(place) => Push::of(all, k, c).along(all, place, k, c),
+            None => (touch.force - k * gap(touch, c)).max(0.0),
+        }
     }
 
     /// n . c - h of a touch: how far its point is in front of the plane.
@@ -94,19 +108,16 @@ impl Contacts {
 
     /// The second derivatives by the place of a point.
     fn block(&self, touches: &[Touch], x: &[f64]) -> [[f64; 3]; 3] {
-        let mut block = [[0.0; 3]; 3];
+        let Some(first) = touches.first() else { return [[0.0; 3]; 3] };
+        let k = first.point as usize;
+        let c: [f64; 3] = self.points.at(k, x);
+        let mut block = Push::of(touches, self.stiffness[k], c).block(touches, self.stiffness[k], c);
         for touch in touches {
-            let k = touch.point as usize;
-            let c: [f64; 3] = self.points.at(k, x);
             let n = touch.normal;
-            let pressed = touch.force - self.stiffness[k] * gap(touch, c) > 0.0;
             let rub = Rub::of(touch, c, self.slip[k]);
             for i in 0..3 {
                 for j in 0..3 {
                     let tangent = f64::from(u8::from(i == j)) - n[i] * n[j];
-                    if pressed {
-                        block[i][j] += self.stiffness[k] * (n[i] * n[j]);
-                    }
                     block[i][j] += rub.pull * (tangent - rub.along[i] * rub.along[j]);
                 }
             }
@@ -118,6 +129,71 @@ impl Contacts {
 /// n . c - h
 fn gap(touch: &Touch, c: [f64; 3]) -> f64 {
     (0..3).map(|d| touch.normal[d] * c[d]).sum::<f64>() - touch.height
+}
+
+/// What planes do to a point.
+enum Push {
+    /// They have room for it.
+    To(Corner),
+    /// They have nothing in common: each does for itself.
+    Each,
+}
+
+impl Push {
+    fn of(touches: &[Touch], k: f64, c: [f64; 3]) -> Push {
+        let mut y = c;
+        for touch in touches {
+            (0..3).for_each(|d| y[d] -= touch.force / k * touch.normal[d]);
+        }
+        Corner::nearest(touches, y).map_or(Push::Each, Push::To)
+    }
+
+    /// The force along the normal of a touch.
+    fn along(&self, touches: &[Touch], place: usize, k: f64, c: [f64; 3]) -> f64 {
+        match self {
+            Push::To(corner) => k * corner.of(place),
+            Push::Each => touches.get(place).map_or(0.0, |t| (t.force - k * gap(t, c)).max(0.0)),
+        }
+    }
+
+    /// The augmented Lagrangian without friction, and the force.
+    fn value_and_force(&self, touches: &[Touch], k: f64, c: [f64; 3]) -> (f64, [f64; 3]) {
+        // (a^2 - f^2) / 2k as a product, which does not cancel near a = f.
+        match self {
+            Push::To(corner) => {
+                let a = corner.shift(touches).map(|s| k * s);
+                let mut f = [0.0; 3];
+                for touch in touches {
+                    (0..3).for_each(|d| f[d] += touch.force * touch.normal[d]);
+                }
+                ((0..3).map(|d| (a[d] - f[d]) * (a[d] + f[d])).sum::<f64>() / (2.0 * k), a)
+            }
+            Push::Each => {
+                let (mut value, mut force) = (0.0, [0.0; 3]);
+                for (place, touch) in touches.iter().enumerate() {
+                    let a = self.along(touches, place, k, c);
+                    value += (a - touch.force) * (a + touch.force) / (2.0 * k);
+                    (0..3).for_each(|d| force[d] += a * touch.normal[d]);
+                }
+                (value, force)
+            }
+        }
+    }
+
+    /// Minus the derivative of the force.
+    fn block(&self, touches: &[Touch], k: f64, c: [f64; 3]) -> [[f64; 3]; 3] {
+        match self {
+            Push::To(corner) => corner.block(touches).map(|row| row.map(|v| k * v)),
+            Push::Each => {
+                let mut block = [[0.0; 3]; 3];
+                for touch in touches.iter().filter(|t| t.force - k * gap(t, c) > 0.0) {
+                    let n = touch.normal;
+                    (0..3).for_each(|i| (0..3).for_each(|j| block[i][j] += k * (n[i] * n[j])));
+                }
+                block
+            }
+        }
+    }
 }
 
 /// Friction at a point.
@@ -155,17 +231,20 @@ impl Rub {
 impl Potential for Contacts {
     fn value_and_gradient(&self, x: &[f64], mut grad: Option<&mut [f64]>) -> f64 {
         let mut value = 0.0;
-        for touch in &self.touches {
-            let k = touch.point as usize;
+        for touches in self.of_points() {
+            let Some(first) = touches.first() else { continue };
+            let k = first.point as usize;
             let c: [f64; 3] = self.points.at(k, x);
-            let stiffness = self.stiffness[k];
-            let pressed = (touch.force - stiffness * gap(touch, c)).max(0.0);
-            // (a^2 - f^2) / 2k as a product, which does not cancel near a = f.
-            value += (pressed - touch.force) * (pressed + touch.force) / (2.0 * stiffness);
-            let rub = Rub::of(touch, c, self.slip[k]);
-            value += rub.value(touch, self.slip[k]);
+            let (pushed, force) =
+                Push::of(touches, self.stiffness[k], c).value_and_force(touches, self.stiffness[k], c);
+            value += pushed;
+            let mut g = force.map(|f| -f);
+            for touch in touches {
+                let rub = Rub::of(touch, c, self.slip[k]);
+                value += rub.value(touch, self.slip[k]);
+                (0..3).for_each(|d| g[d] += rub.pull * rub.slip[d]);
+            }
             if let Some(grad) = grad.as_deref_mut() {
-                let g: [f64; 3] = [0, 1, 2].map(|d| rub.pull * rub.slip[d] - pressed * touch.normal[d]);
                 self.points.spread(k, g, grad);
             }
         }
@@ -267,6 +346,46 @@ mod tests {
         }
     }
 
+    /// Multipliers of a point that a force presses into a hollow of two faces, on a spring of stiffness 1.
+    #[test]
+    fn multipliers_settle_in_hollows_however_flat() {
+        for angle in [1.0, 0.1, 1e-2, 1e-3] {
+            let (sine, cosine) = f64::sin_cos(angle);
+            let touch = |sine: f64| Touch { normal: [sine, cosine, 0.0], ..Touch::default() };
+            let k = 100.0;
+            let none = Contacts::new(Arc::new(Points::of_nodes(vec![0])), vec![k].into(), vec![0.1].into());
+            let (mut touches, mut x) = (vec![touch(sine), touch(-sine)], vec![0.3 * angle, 0.2, 0.1]);
+            let target = [0.4 * angle, -1.0, 0.1];
+            for _ in 0..8 {
+                let contacts = none.with(touches.clone());
+                for _ in 0..10 {
+                    // Newton on |x - target|^2 / 2 and contact; the third coordinate is free.
+                    let mut g: Vec<f64> = (0..3).map(|d| x[d] - target[d]).collect();
+                    contacts.value_and_gradient(&x, Some(&mut g));
+                    let mut h = [[0.0; 3]; 3];
+                    contacts.for_each_block(&x, &mut |_, _, block| h = block);
+                    let (a, b, c, d) = (h[0][0] + 1.0, h[0][1], h[1][0], h[1][1] + 1.0);
+                    let det = a * d - b * c;
+                    x[0] -= (d * g[0] - b * g[1]) / det;
+                    x[1] -= (a * g[1] - c * g[0]) / det;
+                    x[2] -= g[2];
+                }
+                let forces: Vec<f64> = touches.iter().map(|t| contacts.pressure(&find(&contacts, t), &x)).collect();
+                touches.iter_mut().zip(forces).for_each(|(t, force)| t.force = force);
+            }
+            // It rests in the foot of the hollow, and both faces push.
+            assert!(x[0].abs() < 1e-12 && x[1].abs() < 1e-12, "{angle}: {x:?}");
+            let (push, tilt) = (1.0 / (2.0 * cosine), -0.4 * angle / (2.0 * sine));
+            assert!((touches[0].force - (push + tilt)).abs() < 1e-8, "{angle}: {touches:?}");
+            assert!((touches[1].force - (push - tilt)).abs() < 1e-8, "{angle}: {touches:?}");
+        }
+    }
+
+    /// The touch of this normal.
+    fn find(contacts: &Contacts, touch: &Touch) -> Touch {
+        *contacts.touches().iter().find(|t| t.normal == touch.normal).unwrap()
+    }
+
     #[test]
     fn forces_are_what_the_gradient_says() {
         let (contacts, x) = contacts();
@@ -276,7 +395,8 @@ mod tests {
             let force = contacts.force(touch, &x);
             contacts.points().spread(touch.point as usize, force, &mut g);
         }
-        assert!(g.iter().all(|g| g.abs() < 1e-15), "{g:?}");
+        // Forces are up to 30 N here.
+        assert!(g.iter().all(|g| g.abs() < 1e-14), "{g:?}");
         let free = contacts.with(vec![Touch { point: 1, normal: [0.0, 1.0, 0.0], height: -1.0, ..Touch::default() }]);
         assert_eq!(free.pressure(&free.touches()[0], &x), 0.0);
         assert_eq!(free.value_and_gradient(&x, None), 0.0);

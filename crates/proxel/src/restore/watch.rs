@@ -44,12 +44,16 @@ impl Forecast {
     fn next(&mut self, iteration: usize, gap: f64, wanted: f64) -> usize {
         /// Of the way: near the end it is found in steps of [`EVERY`].
         const PART: f64 = 0.7;
+        /// The power before anything is known, that of the figures beside [`first_look`].
+        const USUAL: f64 = 3.0;
         let before = self.last.replace((iteration, gap));
         let order = before.map(|(k, g)| (g / gap).ln() / (iteration as f64 / k.max(1) as f64).ln());
+        let ahead = |order: f64| PART * iteration as f64 * ((gap / wanted).powf(1.0 / order) - 1.0);
         let far = match order {
-            Some(order) if order > 0.0 => PART * iteration as f64 * ((gap / wanted).powf(1.0 / order) - 1.0),
-            // It does not fall, or nothing is known yet.
-            _ => 0.0,
+            None => ahead(USUAL),
+            Some(order) if order > 0.0 => ahead(order),
+            // It does not fall.
+            Some(_) => 0.0,
         };
         // Never far beyond the iterations so far: what falls slowly may fall faster soon.
         let most = (iteration / 2).max(EVERY);
@@ -220,7 +224,8 @@ mod tests {
     #[test]
     fn what_does_not_fall_is_looked_at_in_small_steps() {
         let mut forecast = Forecast { last: None };
-        assert_eq!(forecast.next(10, 1.0, 0.1), 10 + EVERY);
+        // Nothing is known: as the cube.
+        assert_eq!(forecast.next(10, 1.0, 0.1), 18);
         assert_eq!(forecast.next(15, 1.5, 0.1), 15 + EVERY);
         assert_eq!(forecast.next(20, f64::NAN, 0.1), 20 + EVERY);
         assert_eq!(forecast.next(25, 1.0, 0.1), 25 + EVERY);

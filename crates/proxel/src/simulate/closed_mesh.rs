@@ -26,6 +26,8 @@ impl fmt::Debug for ClosedMesh {
 
 /// Nearer to the surface than this part of the size, the direction to it is rounding; the face's normal is not.
 const ON_SURFACE: f64 = 1e-7;
+/// Halvings of a way on the search for its entrance: to 1e-9 of its length.
+const HALVINGS: usize = 30;
 
 impl ClosedMesh {
     /// Of triangles over points; turned around where their normals point inward.
@@ -70,18 +72,28 @@ impl ClosedMesh {
         dot(self.normal(triangle), [p.x - a.x, p.y - a.y, p.z - a.z])
     }
 
-    /// Where a way from p ends inside, at q, without an entrance that rounding shows: of the unknown triangles around the
-    /// nearest point that q is behind the one that p is farthest in front of.
+    /// Where a way from p ends inside, at q, without an entrance that rounding shows, as where it runs along a face and
+    /// enters through the foot of the next one: of the unknown triangles around the place where it comes to be inside
+    /// that q is behind, the one that p is farthest in front of.
     fn behind(&self, p: Vector, q: Vector, tolerance: f64, known: &[u32]) -> Option<u32> {
-        let (projected, (triangle, location)) = self.mesh.project_local_point_and_get_location(q, false);
-        if !projected.is_inside || (projected.point - q).length() <= tolerance {
+        let is_deep = |x: Vector| {
+            let projected = self.mesh.project_local_point(x, false);
+            projected.is_inside && (projected.point - x).length() > tolerance
+        };
+        if !is_deep(q) {
             return None;
         }
-        let fits = |t: &u32| !known.contains(t) && self.in_front(*t, q) < 0.0;
-        self.meeting(triangle, location)
-            .into_iter()
-            .filter(fits)
-            .max_by(|a, b| self.in_front(*a, p).total_cmp(&self.in_front(*b, p)))
+        let (mut outside, mut inside) = (0.0, 1.0);
+        for _ in 0..HALVINGS {
+            let middle = (outside + inside) / 2.0;
+            if is_deep(p + (q - p) * middle) { inside = middle } else { outside = middle }
+        }
+        [p + (q - p) * inside, q].into_iter().find_map(|x| {
+            let (_, (triangle, location)) = self.mesh.project_local_point_and_get_location(x, false);
+            let fits = |t: &u32| !known.contains(t) && self.in_front(*t, q) < 0.0;
+            let around = self.meeting(triangle, location).into_iter().filter(fits);
+            around.max_by(|a, b| self.in_front(*a, p).total_cmp(&self.in_front(*b, p)))
+        })
     }
 
     /// The triangles that meet where a point of the surface is.

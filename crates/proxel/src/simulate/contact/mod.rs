@@ -2,7 +2,7 @@
 
 mod working_set;
 
-pub(super) use working_set::{WorkingSet, is_complementary};
+pub(super) use working_set::{Grips, WorkingSet, is_complementary};
 
 use super::world::{Touching, World};
 use proxel_model::contact::{Contacts, Touch};
@@ -27,6 +27,17 @@ impl Walls {
     pub fn new(world: &World, from: f64, to: f64) -> Self {
         let at = |t: f64| world.obstacles.iter().map(|o| o.at(t, world.center)).collect();
         Walls { now: at(to), before: at(from), friction: world.obstacles.iter().map(|o| o.friction).collect() }
+    }
+
+    /// Whether a wall has friction.
+    pub fn rub(&self) -> bool {
+        self.friction.iter().any(|mu| *mu > 0.0)
+    }
+
+    /// Touches with the grips that their forces give.
+    pub fn gripping(&self, touches: &[Touch]) -> Vec<Touch> {
+        let grip = |t: &Touch| self.friction.get(t.other as usize).map_or(0.0, |mu| mu * t.force);
+        touches.iter().map(|t| Touch { grip: grip(t), ..*t }).collect()
     }
 
     /// The solids at the end of the step.

@@ -35,6 +35,19 @@ pub(in crate::simulate) struct WorkingSet {
     start: Vec<f64>,
     anchor: Option<Vec<f64>>, // none as long as it is where points would be had they moved with each wall
     clear: Vec<Clear>,        // of each point for each wall
+    grips: Grips,
+}
+
+/// When friction learns of the forces along normals that it is of. Only while it does not, a step minimises something.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::simulate) enum Grips {
+    /// With every renewal.
+    #[default]
+    Renewed,
+    /// At anchors.
+    AtAnchors,
+    /// Where a plane takes over from another one.
+    Kept,
 }
 
 /// A ball that a wall is not in.
@@ -76,7 +89,12 @@ impl WorkingSet {
     /// For a step that begins at x.
     pub fn new(world: &World, walls: &Walls, x: &[f64]) -> Self {
         let clear = vec![Clear::default(); world.touching.who.len() * walls.solids().len()];
-        WorkingSet { start: x.to_vec(), anchor: None, clear }
+        WorkingSet { start: x.to_vec(), anchor: None, clear, grips: Grips::default() }
+    }
+
+    /// From now on.
+    pub fn set_grips(&mut self, grips: Grips) {
+        self.grips = grips;
     }
 
     /// Does something for each point, with what is known to be clear around it; in order.
@@ -135,6 +153,7 @@ impl WorkingSet {
     /// where points are inside of walls, or have passed through them, and no plane is in the way.
     pub fn renew(&mut self, world: &World, walls: &Walls, old: &Contacts, x: &[f64]) -> Renewed {
         let points = &world.touching.points;
+        let is_rubbing = self.grips == Grips::Renewed;
         let one = |k: usize, clear: &mut [Clear], (start, anchor): &(Vec<f64>, Option<Vec<f64>>)| {
             let (c, began): (V3, V3) = (points.at(k, x), points.at(k, start));
             let size = world.bodies[world.touching.who[k].0].size;
@@ -156,6 +175,9 @@ impl WorkingSet {
                     let mut touch = walls.touch((k, w, t.patch), c, force, began);
                     if dot(touch.normal, t.normal) < ROUND {
                         touch = Touch { force, grip: walls.friction[w] * force, ..*t };
+                    }
+                    if !is_rubbing {
+                        touch.grip = t.grip;
                     }
                     behind = behind.max(touch.height - dot(touch.normal, c));
                     known.push(t.patch);
@@ -192,6 +214,7 @@ impl WorkingSet {
     /// which take over what forces there are. `changed` are the planes with a force of patches that are not touched.
     pub fn accept(&mut self, world: &World, walls: &Walls, old: &Contacts, x: &[f64]) -> Renewed {
         let points = &world.touching.points;
+        let is_rubbing = self.grips != Grips::Kept;
         let one = |k: usize, clear: &mut [Clear], (start, _): &(Vec<f64>, Option<Vec<f64>>)| {
             let (c, began): (V3, V3) = (points.at(k, x), points.at(k, start));
             let size = world.bodies[world.touching.who[k].0].size;
@@ -211,7 +234,8 @@ impl WorkingSet {
                     // Multipliers are those at x already: taken again they would go too far.
                     let force = t.force;
                     if wall.away(t.patch, c) <= BESIDE * size {
-                        out.touches.push(walls.touch((k, w, t.patch), c, force, began));
+                        let touch = walls.touch((k, w, t.patch), c, force, began);
+                        out.touches.push(if is_rubbing { touch } else { Touch { grip: t.grip, ..touch } });
                     } else if force > 0.0 {
                         left.push((t.normal, force));
                         out.changed += 1;

@@ -5,7 +5,7 @@ use super::{Engine, Forces, How, Solved, Task};
 use crate::deform::{REFUSALS, admm_settings};
 use crate::settings::MethodName;
 use crate::simulate::SimulateError;
-use crate::simulate::contact::{WorkingSet, is_complementary, learn};
+use crate::simulate::contact::{Grips, WorkingSet, is_complementary, learn};
 use crate::simulate::stops::{Bound, Stops};
 use crate::simulate::world::World;
 use proxel_model::contact::Contacts;
@@ -20,6 +20,10 @@ const RENEWALS: usize = 200;
 const SETTLED: f64 = 0.1;
 /// after so many changes only once it is solved.
 const LOOSE: usize = 2;
+/// Renewals after which friction learns of forces at anchors only: with every renewal it may go to and fro.
+const RUBBING: usize = 30;
+/// After these it stays as it is, so that there is a minimum to find.
+const GRIPPING: usize = 120;
 /// With hard limits, whose multipliers need more of them.
 const RENEWALS_OF_LIMITS: usize = 400;
 /// Limits are held more stiffly by this factor where a renewal has left more than `LAGGING` of how far their multipliers were
@@ -104,6 +108,13 @@ impl Engine {
                 break;
             }
             let mut is_outside = true;
+            if walled && task.walls.rub() && [RUBBING, GRIPPING].contains(&renewal) {
+                working.set_grips(if renewal == RUBBING { Grips::AtAnchors } else { Grips::Kept });
+                // Whatever comes of it is to be preferred.
+                if let Some(best) = &mut best {
+                    best.gradient = f64::INFINITY;
+                }
+            }
             if walled {
                 let renewed = working.renew(world, task.walls, &self.contacts, &x);
                 self.set_contacts(renewed.touches);
@@ -132,6 +143,20 @@ impl Engine {
             }
             let held = settled && self.strain_violation(&x) <= VIOLATION;
             if gradient <= bound && !inverted && held && is_outside {
+                if renewal >= GRIPPING && task.walls.rub() {
+                    let touches = self.contacts.touches().to_vec();
+                    self.set_contacts(task.walls.gripping(&touches));
+                    let off = self.gradient(&x);
+                    self.set_contacts(touches);
+                    if !(off <= bound) {
+                        status = Status::Stopped;
+                        reason = format!(
+                            "friction did not settle: forces are balanced with that of earlier normal forces, and off \
+                             by {off:e} with that of the last ones ({bound:e} is asked)"
+                        );
+                        break;
+                    }
+                }
                 status = Status::Converged;
                 reason = format!("gradient {gradient:e} is at most {bound:e}, forces of contact included");
                 break;
