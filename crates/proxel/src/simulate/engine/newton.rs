@@ -148,7 +148,7 @@ impl Engine {
                     self.set_contacts(task.walls.gripping(&touches));
                     let off = self.gradient(&x);
                     self.set_contacts(touches);
-                    if !(off <= bound) {
+                    if off > bound || off.is_nan() {
                         status = Status::Stopped;
                         reason = format!(
                             "friction did not settle: forces are balanced with that of earlier normal forces, and off \
