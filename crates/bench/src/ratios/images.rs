@@ -140,12 +140,21 @@ fn single(n: usize, repeats: usize) -> Result<Vec<Row>, BenchError> {
     }
     let [mut whole, mut fused, mut forward, mut backward] = <[Samples; 4]>::default();
     for _ in 0..2 * repeats {
+        // Each after one of its own, as in a run: what stood in between has taken the cache from it.
+        step(method.as_mut())?;
         whole.time(|| step(method.as_mut()))?;
-        transforms.renew();
-        fused.time(|| transforms.fused());
-        transforms.renew();
-        forward.time(|| transforms.forward());
-        backward.time(|| transforms.backward());
+        for samples in [&mut Samples::default(), &mut fused] {
+            transforms.renew();
+            samples.time(|| transforms.fused());
+        }
+        for turn in [None, Some((&mut forward, &mut backward))] {
+            let mut first = <[Samples; 2]>::default();
+            let [a, b] = &mut first;
+            let (forward, backward) = turn.unwrap_or((a, b));
+            transforms.renew();
+            forward.time(|| transforms.forward());
+            backward.time(|| transforms.backward());
+        }
     }
     let name = format!("an iteration of the single-split form, {n} x {n}, 1 thread");
     let part = |what: &str, samples: &Samples| plain_row(&format!("{what} of {n} x {n}, 1 thread"), samples);

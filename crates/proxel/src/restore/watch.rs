@@ -23,7 +23,7 @@ pub(super) struct GapTolerance<'a> {
 /// value is 0.
 const ROUNDING: f64 = 1e-11;
 
-/// The gap is looked at after so many iterations, and then no more often: it costs as much as seven of them.
+/// The gap is looked at after so many iterations, and then no more often: it costs as much as eight of them.
 const EVERY: usize = 8;
 
 /// The iteration of the first look. Gaps of 1e-1, 1e-2, 1e-3, 1e-4 were reached after 4 to 10, 11 to 17, 27 to 35, 93 to 99
