@@ -140,10 +140,10 @@ fn margin(model: &Model) -> usize {
 fn bytes(model: &Model) -> f64 {
     let held = model.edges != Edges::Unknown && model.mask.is_none() && model.scale == 1;
     match model.regulariser {
-        Regulariser::Tgv { .. } => 500.0,
-        Regulariser::Frame => 1200.0,
-        Regulariser::Tv if held => 240.0,
-        Regulariser::Tv => 300.0,
+        Regulariser::Tgv { .. } => 600.0,
+        Regulariser::Frame => 1300.0,
+        Regulariser::Tv if held => 290.0,
+        Regulariser::Tv => 400.0,
     }
 }
 
@@ -345,9 +345,9 @@ mod tests {
         let model = |w, h| Model::new(&image(w, h), proxel_imaging::Psf::identity(), Edges::Unknown, 1.0);
         assert_eq!(side(&model(600, 400), None), None);
         assert_eq!((side(&model(600, 400), Some(600)), side(&model(600, 400), Some(599))), (None, Some(599)));
-        // 300 bytes a pixel: 14.3 million pixels are 4 GiB.
-        assert_eq!(side(&model(4000, 3500), None), None);
-        let found = side(&model(4000, 3600), None).unwrap();
-        assert!(found < 4000 && (found * found) as f64 * 300.0 <= MEMORY);
+        // 400 bytes a pixel: 10.7 million pixels are 4 GiB.
+        assert_eq!(side(&model(3500, 3000), None), None);
+        let found = side(&model(3500, 3100), None).unwrap();
+        assert!(found < 3500 && (found * found) as f64 * 400.0 <= MEMORY);
     }
 }
