@@ -6,8 +6,8 @@ use proxel_imaging::{
     Symbol, TotalVariation,
 };
 use proxel_split::{
-    Acceleration, Admm, AdmmSettings, Algorithm, Cycle, Extrapolation, History, Method, Problem, Quadratic, Term,
-    normalized,
+    Acceleration, Admm, AdmmSettings, Algorithm, Cycle, Extrapolation, History, LocalReport, Method, Problem,
+    Quadratic, Term, normalized,
 };
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -68,17 +68,26 @@ impl Given {
     }
 }
 
-/// Iterations until the combined residual is below each level. The local step of x_k, z_(k-1), u_(k-1) is the first half of
-/// our iteration k + 1, which is entered at z: the residual of another implementation's iteration k is known then.
-fn counts<const N: usize>(method: &mut dyn Method, levels: [f64; N]) -> [usize; N] {
+/// Iterations until the combined residual is below each level, those that were taken back too. The local step of x_k,
+/// z_(k-1), u_(k-1) is the first half of our iteration k + 1, which is entered at z: the residual of another
+/// implementation's iteration k is known then.
+///
+/// Where `image` has a cycle, it is the residual of what that makes of the image of the last point: a v that was proposed has
+/// a z by the prox, which the one that rides along with it is not.
+fn counts<const N: usize>(method: &mut dyn Method, levels: [f64; N], image: Option<Cycle>) -> [usize; N] {
     let n = method.problem().local_dim();
-    let mut reached = [0; N];
+    let (mut reached, mut refused) = ([0; N], 0);
     for iteration in 0..700 {
         let report = method.step().expect("a step");
-        let residual = normalized(report.local.combined(), n, 1.0);
+        refused += report.trial.rejected;
+        let (local, iteration) = match &image {
+            Some(cycle) => (local_of_image(method, cycle), iteration + 1),
+            None => (report.local, iteration),
+        };
+        let residual = normalized(local.combined(), n, 1.0);
         for (reached, level) in reached.iter_mut().zip(levels) {
             if *reached == 0 && iteration > 0 && residual < level {
-                *reached = iteration;
+                *reached = iteration + refused;
             }
         }
         if reached.iter().all(|r| *r > 0) {
@@ -88,6 +97,13 @@ fn counts<const N: usize>(method: &mut dyn Method, levels: [f64; N]) -> [usize; 
     reached
 }
 
+/// The local step that would follow, on copies.
+fn local_of_image(method: &mut dyn Method, cycle: &Cycle) -> LocalReport {
+    let at = method.splitting().expect("a splitting");
+    let (mut p, mut u, mut grad) = (at.p[0].clone(), at.u[0].clone(), vec![0.0; at.x.len()]);
+    at.problem.terms[0].cycle_step(cycle, at.x, &mut p, &mut u, &mut grad)
+}
+
 #[test]
 fn iterations_are_those_of_another_implementation() {
     let Some(given) = given() else {
@@ -95,18 +111,20 @@ fn iterations_are_those_of_another_implementation() {
         return;
     };
     let fast = Extrapolation::Momentum { eta: Some(0.999), corrected: false };
-    let fast = Acceleration { algorithm: Algorithm::One, by: fast, history: History::AsPublished };
+    let fast = |algorithm| Some(Acceleration { algorithm, by: fast, history: History::AsPublished });
     let anderson = |algorithm| Some(Acceleration::anderson(algorithm, 6));
     let (v, both) = (Algorithm::DouglasRachford, Algorithm::One);
     type Row = (&'static str, f64, f64, bool, Option<Acceleration>, [usize; 3]);
-    let rows: [Row; 10] = [
+    let rows: [Row; 11] = [
         ("both split, admm", 30.0, 1.0, true, None, [33, 94, 166]),
         ("both split, aa", 30.0, 1.0, true, anderson(both), [26, 62, 106]),
         ("v, admm", 20.0, 1.0, false, None, [8, 34, 147]),
         ("v, relaxed", 20.0, 1.8, false, None, [9, 24, 85]),
-        ("v, fast", 20.0, 1.0, false, Some(fast), [11, 28, 98]),
+        ("v, fast", 20.0, 1.0, false, fast(v), [11, 28, 98]),
         ("v, aa", 20.0, 1.0, false, anderson(v), [7, 26, 104]),
         ("v, aa, relaxed", 20.0, 1.8, false, anderson(v), [8, 25, 90]),
+        // Nobody else has counted it; a recurrence written out in numpy has 12, 25 and 93 points and 1, 3 and 13 refused.
+        ("(z, u), fast", 20.0, 1.0, false, fast(both), [13, 28, 106]),
         ("(z, u), aa", 20.0, 1.0, false, anderson(both), [8, 30, 135]),
         ("v, admm", 100.0, 1.0, false, None, [10, 69, 249]),
         ("v, relaxed", 100.0, 1.8, false, None, [11, 58, 182]),
@@ -118,13 +136,12 @@ fn iterations_are_those_of_another_implementation() {
             Some(acceleration) => acceleration.of(admm).expect("an acceleration"),
             None => Box::new(admm),
         };
-        let got = counts(&mut *method, [1e-2, 1e-3, 1e-4]);
+        let image = acceleration.filter(|by| by.algorithm == v).map(|_| Cycle { relaxation, ..Cycle::PLAIN });
+        let got = counts(&mut *method, [1e-2, 1e-3, 1e-4], image);
         let text = format!("{name}, rho {rho}: {got:?}, elsewhere {expected:?}");
         println!("{text}");
-        // Within a tenth, and one iteration where a tenth is less. Of the momentum nobody says when it restarts there: 12,
-        // 25 and 93 for 11, 28 and 98.
-        let most = |expected: usize| if name == "v, fast" { expected / 9 } else { expected / 10 }.max(1);
-        if got.iter().zip(expected).any(|(got, expected)| got.abs_diff(expected) > most(expected)) {
+        // Within a tenth, and one iteration where a tenth is less.
+        if got.iter().zip(expected).any(|(got, expected)| got.abs_diff(expected) > (expected / 10).max(1)) {
             wrong.push(text);
         }
     }

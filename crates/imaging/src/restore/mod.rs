@@ -104,8 +104,11 @@ pub enum Iteration {
         /// alpha
         relaxation: f64,
     },
-    /// Fast ADMM with restart (Goldstein et al. 2014).
-    Fast,
+    /// Fast ADMM with restart (Goldstein et al. 2014, Algorithm 8): momentum, eta = 0.999.
+    Fast {
+        /// Whether it is that of (z, u), as published, and not that of v = grad x + u.
+        both: bool,
+    },
     /// Anderson with so many columns on v = grad x + u, the Douglas-Rachford variable.
     Anderson {
         /// m
@@ -148,9 +151,10 @@ impl Restoration {
         let relaxed = |admm: Admm, relaxation: f64| admm.with_cycle(Cycle { relaxation, ..Cycle::PLAIN });
         Ok(match iteration {
             Iteration::Admm { relaxation } => Box::new(relaxed(admm, relaxation)?.with_folding()),
-            Iteration::Fast => {
+            Iteration::Fast { both } => {
+                let algorithm = if both { Algorithm::One } else { Algorithm::DouglasRachford };
                 let by = Extrapolation::Momentum { eta: Some(0.999), corrected: false };
-                Acceleration { algorithm: Algorithm::One, by, history: History::AsPublished }.of(admm)?
+                Acceleration { algorithm, by, history: History::AsPublished }.of(admm)?
             }
             Iteration::Anderson { window, both, relaxation } => {
                 let algorithm = if both { Algorithm::One } else { Algorithm::DouglasRachford };

@@ -142,7 +142,7 @@ fn run_model(
     let iteration = match settings.method {
         RestoreMethod::Auto | RestoreMethod::Relaxed => Iteration::Admm { relaxation },
         RestoreMethod::Admm => Iteration::Admm { relaxation: 1.0 },
-        RestoreMethod::Fast => Iteration::Fast,
+        RestoreMethod::Fast => Iteration::Fast { both: false },
         RestoreMethod::Aa => Iteration::Anderson { window, both: false, relaxation },
         RestoreMethod::AaZu => Iteration::Anderson { window, both: true, relaxation: 1.0 },
     };

@@ -23,7 +23,7 @@ const NOISE: f64 = 0.01;
 /// Name, form, rho, iteration, and what another implementation counted to the levels on `camera`.
 type Row = (&'static str, Form, f64, Iteration, &'static str);
 
-const ROWS: [Row; 10] = {
+const ROWS: [Row; 11] = {
     const fn anderson(both: bool, relaxation: f64) -> Iteration {
         Iteration::Anderson { window: 6, both, relaxation }
     }
@@ -35,9 +35,10 @@ const ROWS: [Row; 10] = {
         ("both split, aa m=6", Form::Split, 30.0, anderson(true, 1.0), "26 62 106"),
         ("v, admm", Form::Held, 20.0, admm(1.0), "8 34 147"),
         ("v, relaxed 1.8", Form::Held, 20.0, admm(1.8), "9 24 85"),
-        ("v, fast + restart", Form::Held, 20.0, Iteration::Fast, "11 28 98"),
+        ("v, fast + restart", Form::Held, 20.0, Iteration::Fast { both: false }, "11 28 98"),
         ("v, aa m=6", Form::Held, 20.0, anderson(false, 1.0), "7 26 104 456"),
         ("v, aa m=6, relaxed 1.8", Form::Held, 20.0, anderson(false, 1.8), "8 25 90"),
+        ("(z, u), fast + restart", Form::Held, 20.0, Iteration::Fast { both: true }, ""),
         ("(z, u), aa m=6", Form::Held, 20.0, anderson(true, 1.0), "8 30 135"),
         ("v, admm, rho 100", Form::Held, 100.0, admm(1.0), "10 69 249"),
         ("v, relaxed 1.8, rho 100", Form::Held, 100.0, admm(1.8), "11 58 182"),
