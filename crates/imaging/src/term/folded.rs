@@ -1,8 +1,9 @@
 //! The local step of total variation on v = z + u alone.
 
+use super::differences::rows;
 use super::gradient::GradientTerm;
-use super::pairs::{Row, shrink};
-use super::pass::Sums;
+use super::pairs::Row;
+use super::pass::{Sums, unfold};
 use crate::Pointwise;
 use proxel_split::{Folded, LocalReport};
 use rayon::prelude::*;
@@ -48,22 +49,6 @@ impl<P: Pointwise> GradientTerm<P> {
     fn counted(&self, row: usize) -> std::ops::Range<usize> {
         self.of.shrinks_pairs(self.pixels(row), 2 * self.of_field.grid.channels).unwrap_or(0..0)
     }
-
-    /// z of a row.
-    fn shrink_row(&self, row: usize, v: &[f64], z: &mut [f64]) {
-        let (w, counted) = (self.of_field.grid.width.max(1), self.counted(row));
-        z.copy_from_slice(v);
-        for pair in z.chunks_mut(2 * w) {
-            let (along, down) = pair.split_at_mut(w);
-            shrink(self.threshold(), &mut along[counted.clone()], &mut down[counted.clone()]);
-        }
-    }
-
-    /// -p of a row.
-    fn pull_row(&self, row: usize, v: &[f64], p: &mut [f64]) {
-        self.shrink_row(row, v, p);
-        p.iter_mut().zip(v).for_each(|(p, v)| *p = v - (*p + *p));
-    }
 }
 
 impl<P: Pointwise> Folded for GradientTerm<P> {
@@ -87,13 +72,15 @@ impl<P: Pointwise> Folded for GradientTerm<P> {
         pull.par_chunks_mut(task * row_len).zip(scratch.par_iter_mut()).enumerate().for_each(|(t, (pull, scratch))| {
             let (row, (here, above)) = (t * task, scratch[..2 * local].split_at_mut(local));
             let pull = &mut pull[..row_len];
-            let of = |row: usize| &v[row * local..(row + 1) * local];
-            this.pull_row(row, of(row), here);
+            let of = |row: usize, p: &mut [f64]| {
+                unfold(&this.of, this.pixels(row), this.weight2(), rows(v, local, row), p, None);
+            };
+            of(row, here);
             let above = this.of_field.row_above(row).map(|row| {
-                this.pull_row(row, of(row), above);
+                of(row, above);
                 &*above
             });
-            this.of_field.gather(this.weight2(), here, above, row + 1 == grid.height, pull, begins);
+            this.of_field.gather(-this.weight2(), here, above, row + 1 == grid.height, pull, begins);
         });
         let mut report = LocalReport::default();
         parts.iter().for_each(|part| report += *part);
@@ -104,12 +91,6 @@ impl<P: Pointwise> Folded for GradientTerm<P> {
     fn unfold(&self, v: &[f64], p: &mut [f64], u: &mut [f64]) {
         let local = self.local_row();
         let rows = v.par_chunks(local).zip(p.par_chunks_mut(local).zip(u.par_chunks_mut(local))).enumerate();
-        rows.for_each(|(row, (v, (p, u)))| {
-            self.shrink_row(row, v, p);
-            for ((p, u), v) in p.iter_mut().zip(u).zip(v) {
-                let z = *p;
-                (*p, *u) = ((z + z) - v, v - z);
-            }
-        });
+        rows.for_each(|(row, (v, (p, u)))| unfold(&self.of, self.pixels(row), self.weight2(), v, p, Some(u)));
     }
 }

@@ -1,6 +1,7 @@
 //! The local step of absolute values of many numbers a pixel, on v = z + u alone.
 
-use super::pass::Sums;
+use super::differences::rows;
+use super::pass::{Sums, unfold};
 use super::stencil::{Stencil, StencilTerm};
 use crate::Pointwise;
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
@@ -65,20 +66,6 @@ impl<S: Stencil, P: Pointwise> StencilTerm<S, P> {
             visit(0.0, at(counted.end, w));
         }
     }
-
-    /// p of a row, and u where it is wanted.
-    fn unfold_row(&self, row: usize, v: &[f64], p: &mut [f64], mut u: Option<&mut [f64]>) {
-        self.for_each_part(row, |weight, at| {
-            let t = weight / self.weight2();
-            for i in at {
-                let dual = v[i].min(t).max(-t);
-                p[i] = (v[i] - dual) - dual;
-                if let Some(u) = &mut u {
-                    u[i] = dual;
-                }
-            }
-        });
-    }
 }
 
 impl<S: Stencil, P: Pointwise> Folded for StencilTerm<S, P> {
@@ -105,7 +92,7 @@ impl<S: Stencil, P: Pointwise> Folded for StencilTerm<S, P> {
             for (k, p) in room.p.iter_mut().enumerate() {
                 let row = (first + k + (reach - 1) * (grid.height - 1)) % grid.height;
                 p.resize(local, 0.0);
-                this.unfold_row(row, &v[row * local..(row + 1) * local], p, None);
+                unfold(this.of(), this.pixels(row), this.weight2(), rows(v, local, row), p, None);
             }
             for (k, pull) in pull.chunks_mut(row_len).take(reach - 1).enumerate() {
                 let above: Vec<&[f64]> = (0..reach).map(|a| &*room.p[k + reach - 1 - a]).collect();
@@ -121,7 +108,7 @@ impl<S: Stencil, P: Pointwise> Folded for StencilTerm<S, P> {
     fn unfold(&self, v: &[f64], p: &mut [f64], u: &mut [f64]) {
         let local = self.local_row();
         let rows = v.par_chunks(local).zip(p.par_chunks_mut(local).zip(u.par_chunks_mut(local))).enumerate();
-        rows.for_each(|(row, (v, (p, u)))| self.unfold_row(row, v, p, Some(u)));
+        rows.for_each(|(row, (v, (p, u)))| unfold(self.of(), self.pixels(row), self.weight2(), v, p, Some(u)));
     }
 }
 

@@ -1,7 +1,9 @@
 //! What the local steps of all pixel terms have in common.
 
+use crate::Pointwise;
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
 use proxel_split::{LocalReport, Order};
+use std::ops::Range;
 
 /// u <- u + (alpha - 1)(c - z) of the over-relaxed cycle, z = p + u staying as it is, and v <- c + u: what the prox is taken
 /// of.
@@ -39,6 +41,23 @@ impl Kernel for Begin<'_> {
             }
         }
     }
+}
+
+/// p = 2 z - v of a row, and u = v - z where it is wanted, z = prox(v): what [`proxel_split::Folded`] keeps v for.
+pub(super) fn unfold(
+    of: &impl Pointwise,
+    pixels: Range<usize>,
+    weight2: f64,
+    v: &[f64],
+    p: &mut [f64],
+    u: Option<&mut [f64]>,
+) {
+    p.copy_from_slice(v);
+    of.prox(pixels, p, weight2);
+    if let Some(u) = u {
+        u.iter_mut().zip(v).zip(&*p).for_each(|((u, v), z)| *u = v - z);
+    }
+    p.iter_mut().zip(v).for_each(|(p, v)| *p = (*p + *p) - v);
 }
 
 /// Squares of a local step, lane by lane, so that a sum does not wait for the one before.

@@ -1,8 +1,7 @@
 //! The nearest point of an intersection of half-spaces, and what each of them contributes.
 
 use super::{Touch, gap};
-
-type V3 = [f64; 3];
+use crate::constraint::{V3, add, cross, dot, norm};
 
 /// Of planes of which a point bears on several the sines between which are below this, one is enough.
 const PARALLEL: f64 = 1e-7;
@@ -33,7 +32,7 @@ impl Corner {
         let mut look = |corner: Option<Corner>| -> bool {
             let Some(corner) = corner.filter(|c| c.l[..c.n].iter().all(|l| *l >= 0.0)) else { return false };
             let shift = corner.shift(touches);
-            let p = add(y, shift);
+            let p = add(y, 1.0, shift);
             let outside = |i: usize| if corner.at[..corner.n].contains(&i) { 0.0 } else { -gap(&touches[i], p) };
             let most = (0..touches.len()).map(outside).fold(0.0, f64::max);
             if best.is_none_or(|(least, _)| most < least) {
@@ -81,7 +80,7 @@ impl Corner {
     pub fn shift(&self, touches: &[Touch]) -> V3 {
         let mut shift = [0.0; 3];
         for (i, l) in self.at[..self.n].iter().zip(self.l) {
-            shift = add(shift, touches[*i].normal.map(|n| l * n));
+            shift = add(shift, l, touches[*i].normal);
         }
         shift
     }
@@ -105,22 +104,6 @@ impl Corner {
     }
 }
 
-fn add(a: V3, b: V3) -> V3 {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-fn dot(a: V3, b: V3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: V3, b: V3) -> V3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn norm(a: V3) -> f64 {
-    dot(a, a).sqrt()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -136,9 +119,9 @@ mod tests {
         let (mut p, mut rest) = (y, vec![[0.0; 3]; touches.len()]);
         for _ in 0..100_000 {
             for (t, rest) in touches.iter().zip(&mut rest) {
-                let from = add(p, *rest);
+                let from = add(p, 1.0, *rest);
                 let behind = (-gap(t, from)).max(0.0);
-                p = add(from, t.normal.map(|n| behind * n));
+                p = add(from, behind, t.normal);
                 *rest = [0, 1, 2].map(|d| from[d] - p[d]);
             }
         }
@@ -159,7 +142,7 @@ mod tests {
                     .collect();
                 let y: V3 = random.array(-1.5, 0.5);
                 let corner = Corner::nearest(&touches, y).expect("there is room");
-                let (p, slow) = (add(y, corner.shift(&touches)), dykstra(&touches, y));
+                let (p, slow) = (add(y, 1.0, corner.shift(&touches)), dykstra(&touches, y));
                 assert!(norm([0, 1, 2].map(|d| p[d] - slow[d])) < 1e-7, "{touches:?} {y:?} {p:?} {slow:?}");
                 assert!(touches.iter().all(|t| gap(t, p) > -1e-14));
                 assert!((0..n).all(|i| corner.of(i) >= 0.0));
