@@ -14,7 +14,7 @@ pub enum RestoreMethod {
     Admm,
     /// ADMM with over-relaxation.
     Relaxed,
-    /// Fast ADMM with restart (Goldstein et al. 2014).
+    /// Fast ADMM with restart (Goldstein et al. 2014), on v as `aa`.
     Fast,
     /// Anderson on v = grad x + u, the variable of the Douglas-Rachford iteration.
     Aa,

@@ -10,7 +10,8 @@ use crate::vector;
 /// ```
 ///
 /// with c = 0. A point is kept where its combined residual is below eta times the last one; else alpha = 1 and the iteration
-/// goes on from the image before.
+/// goes on from the image before. As published, that is the recurrence of (z, u), [`crate::CombinedResidual`]; on
+/// [`crate::DouglasRachford`] it is that of v = c(Dx) + u alone, judged by the residual of v.
 ///
 /// With c = alpha/alpha_next ([`Momentum::corrected`]) the recurrence is that of the second method of Guler 1992 for the
 /// proximal point algorithm, G being its resolvent: the momentum counts what the last point was off, too.

@@ -8,7 +8,7 @@ use crate::table::Table;
 use proxel::imaging::io::read_image;
 use proxel::imaging::restore::{Edges, Field, Form, Iteration, Model, psnr};
 use proxel::imaging::{Grid, Image, Psf};
-use proxel::split::{Method, normalized};
+use proxel::split::{Cycle, LocalReport, Method, normalized};
 use proxel_testkit::SplitMix;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -84,12 +84,17 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         let field = built.field.clone();
         let mut method = built.method(name, iteration).map_err(BenchError::from_display)?;
         let most = context.options.max_iters.unwrap_or(600);
-        let course = course(scene.name, name, &mut *method, most)?;
+        let image = match iteration {
+            Iteration::Fast { both: false } => Some(Cycle::PLAIN),
+            Iteration::Anderson { both: false, relaxation, .. } => Some(Cycle { relaxation, ..Cycle::PLAIN }),
+            _ => None,
+        };
+        let course = course(scene.name, name, &mut *method, image, most)?;
         let quality = scene.truth.as_ref().map(|truth| psnr(&field.image(method.x()), truth));
         let last = course.points.last().map_or((0, f64::NAN), |p| (p.iteration, p.combined));
         context.tell(&format!("{name}: {} iterations, residual {:.1e}", last.0, last.1));
         let cell = |level: &f64| match course.reached(Residual::Combined, *level) {
-            Some(p) if p.rejected > 0 => format!("{} (+{})", p.iteration, p.rejected),
+            Some(p) if p.rejected > 0 => format!("{} ({} refused)", p.iteration, p.rejected),
             Some(p) => p.iteration.to_string(),
             None => "-".to_string(),
         };
@@ -170,9 +175,18 @@ pub fn chart(n: usize) -> Result<Image, BenchError> {
     Image::new(n, n, vec![pixels]).map_err(BenchError::from_display)
 }
 
-/// Steps until the combined residual A(11) is below the last level. A first half-iteration from z = u = 0, whose x is 0,
-/// is not counted: elsewhere iterations begin with x.
-fn course(problem: &str, name: &str, method: &mut dyn Method, most: usize) -> Result<Course, BenchError> {
+/// Steps until the combined residual A(11) is below the last level; those that were refused count, since each is a pass. A
+/// first half-iteration from z = u = 0, whose x is 0, is not counted: elsewhere iterations begin with x.
+///
+/// Where v is accelerated, which `image` has the cycle of, the residual is that of its image: a v that was proposed has a z by
+/// the prox, which the one that rides along with it is not.
+fn course(
+    problem: &str,
+    name: &str,
+    method: &mut dyn Method,
+    image: Option<Cycle>,
+    most: usize,
+) -> Result<Course, BenchError> {
     let n = method.problem().local_dim();
     let mut points: Vec<Point> = Vec::new();
     let (mut seconds, mut rejected) = (0.0, 0);
@@ -181,10 +195,12 @@ fn course(problem: &str, name: &str, method: &mut dyn Method, most: usize) -> Re
         let report = method.step().map_err(BenchError::from_display)?;
         seconds += began.elapsed().as_secs_f64();
         rejected += report.trial.rejected;
-        if iteration == 0 {
-            continue;
-        }
-        let combined = normalized(report.local.combined(), n, 1.0);
+        let (local, iteration) = match &image {
+            Some(cycle) => (local_of_image(method, cycle).unwrap_or(report.local), iteration + 1 + rejected),
+            None if iteration == 0 => continue,
+            None => (report.local, iteration + rejected),
+        };
+        let combined = normalized(local.combined(), n, 1.0);
         let (forward, position) = (f64::INFINITY, f64::INFINITY);
         points.push(Point { iteration, seconds, combined, rejected, forward, position, violation: 0.0 });
         if combined < LEVELS[LEVELS.len() - 1] {
@@ -192,4 +208,15 @@ fn course(problem: &str, name: &str, method: &mut dyn Method, most: usize) -> Re
         }
     }
     Ok(Course { problem: problem.to_string(), method: name.to_string(), points, x: method.x().to_vec() })
+}
+
+/// The local step that would follow, on copies.
+fn local_of_image(method: &mut dyn Method, cycle: &Cycle) -> Option<LocalReport> {
+    let at = method.splitting()?;
+    let (mut p, mut u, mut grad) = (at.p.to_vec(), at.u.to_vec(), vec![0.0; at.x.len()]);
+    let mut report = LocalReport::default();
+    for ((term, p), u) in at.problem.terms.iter_mut().zip(&mut p).zip(&mut u) {
+        report += term.cycle_step(cycle, at.x, p, u, &mut grad);
+    }
+    Some(report)
 }
