@@ -128,7 +128,7 @@ class RestoreSettings(TypedDict, total=False):
     scale: int  # 1
     noise: float | None  # None
     lambda_: float | None  # None
-    regulariser: str  # 'tv'
+    regulariser: str  # 'auto'
     tgv_ratio: float  # 2.0
     variation: str  # 'vectorial'
     range: Sequence[float] | None  # None

@@ -22,8 +22,11 @@ pub struct Grid {
     pub channels: usize,
 }
 
-/// Numbers that one task handles, or a row if that has more.
+/// Numbers that one task handles, or [`TILE_ROWS`] rows if these have more.
 const TASK: usize = 16384;
+
+/// Rows of a field whose spectra are kept together.
+pub(crate) const TILE_ROWS: usize = 8;
 
 impl Grid {
     /// Of one channel.
@@ -51,8 +54,10 @@ impl Grid {
         self.width * self.channels
     }
 
-    /// Rows that one task handles: a matter of the image alone, never of the number of threads.
+    /// Rows that one task handles, whole tiles of a spectrum or all there are: a matter of the image alone, never of the number
+    /// of threads.
     pub fn task_rows(&self) -> usize {
-        (TASK / self.row_len().max(1)).clamp(1, self.height.max(1))
+        let rows = (TASK / self.row_len().max(1)).max(1);
+        rows.next_multiple_of(TILE_ROWS).min(self.height.max(1))
     }
 }

@@ -6,15 +6,15 @@ use proxel_split::Method;
 
 /// Squares under a blur, of so many channels; the border and the norm.
 fn models() -> Vec<Model> {
-    let value = |c: usize, k: usize| {
-        let (i, j) = (k / 37, k % 37);
+    let value = |c: usize, i: usize, j: usize| {
         let square = if (8..21).contains(&i) && (5 + c..19).contains(&j) { 0.4 } else { 0.0 };
-        0.2 + square + 0.02 * ((k * 7919 + c * 31) as f64).sin()
+        0.2 + square + 0.02 * (((37 * i + j) * 7919 + c * 31) as f64).sin()
     };
-    let image = |channels: usize| {
-        Image::new(37, 30, (0..channels).map(|c| (0..37 * 30).map(|k| value(c, k)).collect()).collect())
-            .expect("an image")
+    let sized = |w: usize, h: usize, channels: usize| {
+        let plane = |c: usize| (0..w * h).map(|k| value(c, k / w, k % w)).collect();
+        Image::new(w, h, (0..channels).map(plane).collect()).expect("an image")
     };
+    let image = |channels: usize| sized(37, 30, channels);
     let blur = Psf::new(3, 3, vec![1.0, 2.0, 1.0, 2.0, 5.0, 2.0, 1.0, 2.0, 1.0], None).expect("a kernel");
     let mut all: Vec<Model> = [Edges::Periodic, Edges::Neumann, Edges::Unknown]
         .into_iter()
@@ -24,6 +24,12 @@ fn models() -> Vec<Model> {
         let mut cosines = Model::new(&image(channels), blur.clone(), edges, 40.0);
         (cosines.regulariser, cosines.norm) = (Regulariser::Frame, norm);
         all.push(cosines);
+    }
+    // Several tasks, the last of which ends within a tile of rows of its spectrum.
+    for (edges, channels) in [(Edges::Periodic, 1), (Edges::Periodic, 2), (Edges::Unknown, 1)] {
+        let mut large = Model::new(&sized(150, 141, channels), blur.clone(), edges, 40.0);
+        large.norm = Norm::Channels;
+        all.push(large);
     }
     // Colours together: their terms keep p and u.
     let mut together = Model::new(&image(3), blur, Edges::Periodic, 40.0);

@@ -78,6 +78,7 @@ pub struct Admm {
     settling: Settling,
     sweeping: Sweeping,
     folding: Option<Folding>,
+    fed: Option<usize>, // the term whose pull the global step has taken in the place of `grad`
     iteration: usize,
     energy: Option<EnergyReport>,
     f: Option<f64>, // f(x), where the global step has found it
@@ -137,6 +138,7 @@ impl Admm {
             settling: Settling::default(),
             sweeping: Sweeping::Unknown,
             folding: None,
+            fed: None,
             iteration,
             energy: None,
             f: None,
@@ -236,6 +238,7 @@ impl Admm {
     /// The first half of an iteration: W(10b) and W(10c).
     pub(crate) fn local_half(&mut self) -> LocalReport {
         self.forget();
+        self.fed = None;
         if self.settings.renewed_at == Some(self.iteration) {
             for ((term, p), u) in self.problem.terms.iter_mut().zip(&mut self.p).zip(&mut self.u) {
                 term.couple(&self.x, p);
@@ -254,6 +257,7 @@ impl Admm {
 
     /// Gradient and value of the global step's objective, after p has been set from outside.
     pub(crate) fn aim(&mut self, local: &mut LocalReport) {
+        self.fed = None;
         match self.settings.global.pull() {
             Pull::AtPoint => local.objective = self.problem.penalty(&self.x, &self.p, &mut self.grad).value,
             Pull::AtOrigin => self.problem.pull(&self.p, &mut self.grad),
@@ -281,6 +285,7 @@ impl Admm {
             p: &self.p,
             value: local.objective,
             local_change: local.lagrangian_change().abs(),
+            fed: self.fed,
         };
         let global = self.settings.global.run(&mut objective, &mut self.normal, &mut self.x, &mut self.grad)?;
         self.energy = global.energy;

@@ -1,6 +1,6 @@
 //! Global steps: how the positions follow the local variables.
 
-use crate::{EnergyReport, NormalMatrix, PenaltyReport, Precision, Problem, SystemError};
+use crate::{EnergyReport, Intake, NormalMatrix, PenaltyReport, Precision, Problem, SystemError};
 
 /// The objective of the global step, W(11): f(x) + 1/2 sum w^2 |c(Dx) - p|^2 with p = z - u held fixed.
 pub struct Objective<'a> {
@@ -12,6 +12,8 @@ pub struct Objective<'a> {
     pub value: f64,
     /// |Delta L| of the local step, W(17).
     pub local_change: f64,
+    /// The term whose pull went to [`GlobalStep::intake`], and is not in `grad`.
+    pub fed: Option<usize>,
 }
 
 impl Objective<'_> {
@@ -71,6 +73,13 @@ pub trait GlobalStep: Send {
     /// What `grad` holds when the step begins.
     fn pull(&self) -> Pull {
         Pull::AtPoint
+    }
+
+    /// Takes the pull of a term in the place of `grad`, for the next run, which is told so by [`Objective::fed`]. None where the
+    /// nodes of the term are another's too, and where it asks for more than [`Pull::AtOrigin`].
+    fn intake(&mut self, term: usize) -> Option<&mut dyn Intake> {
+        let _ = term;
+        None
     }
 
     /// What a run costs beside solves with the normal matrix, in nanoseconds of a core: an estimate by which an acceleration

@@ -1,6 +1,6 @@
 //! What the splitting needs to know of a batch of like elements.
 
-use crate::{Curvature, Cycle, Hardening, LevelBound, Order, Uncoupled};
+use crate::{Curvature, Cycle, Hardening, Intake, LevelBound, Order, Uncoupled};
 use proxel_linalg::sparse::SymPattern;
 
 /// What a local step did, summed over the elements of a batch.
@@ -169,6 +169,12 @@ pub trait Folded {
     /// [`Term::pull_step`] of the x-z-u order: v <- v + alpha (c(Dx) - z), with z = prox(v) of before; the pull is that of
     /// p = 2 z - v of after.
     fn step(&mut self, relaxation: f64, x: &[f64], v: &mut [f64], pull: &mut [f64], begins: bool) -> LocalReport;
+
+    /// The same with the pull given to an intake; none, and nothing done, where that cannot be.
+    fn feed(&mut self, relaxation: f64, x: &[f64], v: &mut [f64], intake: &mut dyn Intake) -> Option<LocalReport> {
+        let _ = (relaxation, x, v, intake);
+        None
+    }
 
     /// p <- 2 z - v, u <- v - z, z = prox(v).
     fn unfold(&self, v: &[f64], p: &mut [f64], u: &mut [f64]);

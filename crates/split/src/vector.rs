@@ -174,11 +174,36 @@ pub fn scale_to(out: &mut [f64], c: f64, a: &[f64]) {
 /// Whether every entry is a finite number.
 pub fn is_finite(a: &[f64]) -> bool {
     if a.len() <= LEAF {
-        return a.iter().all(|v| v.is_finite());
+        return dispatch(Finite(a));
     }
     let (l, r) = a.split_at(middle(a.len()));
     let (l, r) = rayon::join(|| is_finite(l), || is_finite(r));
     l && r
+}
+
+/// 0 v is 0 for finite numbers alone.
+struct Finite<'a>(&'a [f64]);
+
+impl Kernel for Finite<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> bool {
+        let (lanes, rest) = self.0.as_chunks::<LANES>();
+        let zero = F8::<I>::zero();
+        let mut sum = [zero; 4];
+        let (fours, others) = lanes.as_chunks::<4>();
+        for four in fours {
+            for k in 0..4 {
+                sum[k] = zero.mul_add(F8::load(&four[k]), sum[k]);
+            }
+        }
+        for lanes in others {
+            sum[0] = zero.mul_add(F8::load(lanes), sum[0]);
+        }
+        let sum = (sum[0] + sum[1]) + (sum[2] + sum[3]);
+        sum.sum() == 0.0 && rest.iter().all(|v| v.is_finite())
+    }
 }
 
 /// The largest side of the box around positions, `dim` numbers a node; at least the smallest normal number.

@@ -93,7 +93,7 @@ fn accelerations_see_an_exact_step() {
 #[test]
 fn a_direct_step_without_its_matrix_is_an_error() {
     let (mut of, mut x) = (problem(SMOOTH, true), vec![0.0; FREE + 1]);
-    let mut objective = Objective { problem: &mut of, p: &[], value: 0.0, local_change: 0.0 };
+    let mut objective = Objective { problem: &mut of, p: &[], value: 0.0, local_change: 0.0, fed: None };
     let mut none = NormalMatrix::none().expect("nothing to factor");
     assert!(Direct.run(&mut objective, &mut none, &mut x, &mut vec![1.0; FREE]).is_err());
 }

@@ -14,7 +14,7 @@ struct Arguments {
     /// How often each part is timed
     #[arg(long, default_value_t = 30, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
-    /// Only these rows: decompositions, closest, images, wires, fields, iteration, memory, solves
+    /// Only these rows: decompositions, closest, images, precision, wires, fields, iteration, memory, solves
     #[arg(long, value_name = "ROWS")]
     only: Option<String>,
     /// Also solve the model with every tetrahedron in 8, and say how iterations and time grow (minutes)

@@ -11,8 +11,8 @@ use rayon::ThreadPool;
 use std::hint::black_box;
 
 /// lambda_1 and rho of the problem whose iterations other implementations have counted.
-const LAMBDA: f64 = 400.0;
-const RHO: f64 = 20.0;
+pub(super) const LAMBDA: f64 = 400.0;
+pub(super) const RHO: f64 = 20.0;
 /// Side of the blur.
 const BLUR: usize = 15;
 /// Columns of Anderson's history.
@@ -30,13 +30,18 @@ fn image(n: usize) -> Result<Image, BenchError> {
     Image::new(n, n, vec![(0..n * n).map(value).collect()]).map_err(BenchError::from_display)
 }
 
-/// Deconvolution with a periodic border, the data held by the global step.
-fn single_split(n: usize, iteration: Iteration) -> Result<Box<dyn Method>, BenchError> {
+/// Deconvolution with a periodic border.
+pub(super) fn model(n: usize) -> Result<Model, BenchError> {
     let line = (0..BLUR * BLUR).map(|k| if (k / BLUR).abs_diff(k % BLUR) < 2 { 1.0 } else { 0.0 }).collect();
     let psf = Psf::new(BLUR, BLUR, line, None).map_err(BenchError::from_display)?;
     let mut model = Model::new(&image(n)?, psf, Edges::Periodic, LAMBDA);
     model.penalty = Some(RHO);
-    let built = model.build(None).map_err(BenchError::from_display)?;
+    Ok(model)
+}
+
+/// The same, the data held by the global step.
+fn single_split(n: usize, iteration: Iteration) -> Result<Box<dyn Method>, BenchError> {
+    let built = model(n)?.build(None).map_err(BenchError::from_display)?;
     built.method("bench", iteration).map_err(BenchError::from_display)
 }
 
@@ -107,7 +112,7 @@ fn plain_row(quantity: &str, samples: &Samples) -> Row {
     }
 }
 
-fn row(quantity: &str, against: &str, [a, b]: [&Samples; 2], threshold: Option<Threshold>) -> Row {
+pub(super) fn row(quantity: &str, against: &str, [a, b]: [&Samples; 2], threshold: Option<Threshold>) -> Row {
     Row {
         against: format!("{against}, {}", b.milliseconds()),
         ratio: Some(a.least() / b.least()),

@@ -7,6 +7,7 @@ mod growth;
 mod images;
 mod iteration;
 mod memory;
+mod precision;
 mod results;
 mod samples;
 mod solves;
@@ -18,7 +19,7 @@ pub use results::{Machine, Results, committed, fill_page, page};
 pub use samples::Samples;
 
 use crate::BenchError;
-use crate::parts::centaur_or_beam;
+use crate::parts::{centaur_or_beam, pool};
 use crate::table::Table;
 use proxel::mesh::{Mesh, read_mesh};
 use serde::{Deserialize, Serialize};
@@ -108,10 +109,11 @@ type Rows<'a> = (&'a str, &'a dyn Fn(&mut dyn FnMut(&str)) -> Result<Vec<Row>, B
 /// # Errors
 /// Data that cannot be read, a child process that fails, a name that there is not.
 pub fn measure(repeats: usize, only: Option<&str>, tell: &mut dyn FnMut(&str)) -> Result<Vec<Row>, BenchError> {
-    let all: [Rows<'_>; 8] = [
+    let all: [Rows<'_>; 9] = [
         ("decompositions", &|_| decompositions::rows(repeats)),
         ("closest", &|_| closest::rows(repeats)),
         ("images", &|_| images::rows(repeats)),
+        ("precision", &|_| pool(1)?.install(|| precision::rows(512, repeats))),
         ("wires", &|_| wires::rows(repeats.div_ceil(2))),
         ("fields", &|_| fields::rows(repeats)),
         ("iteration", &|_| iteration::rows(&centaur_or_beam()?, repeats)),

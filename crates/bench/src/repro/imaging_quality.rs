@@ -46,10 +46,10 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
     let _ = writeln!(
         context.text,
         "{source}\n\n## What is compared\n\nImages are blurred, noise of standard deviation {NOISE} is added, and what lies within \
-         the reach of the blur from the border is cut off, so that nothing is known beyond it. *auto*: `proxel deblur \
-         --regulariser auto`, noise, lambda and boundary automatic too; *best lambda*: the best PSNR of {} values around that, by factors of 2; *Wiener*: \
-         the better of conj(H) F / (|H|^2 + c) and conj(H) F / (|H|^2 + c L^2), L the Laplacian, with the best constant c, of the \
-         image before the border was cut off, which wraps around as it assumes. All in dB on the same pixels, by the truth; at most {most} iterations a run, tolerance 1e-4.\n",
+         the reach of the blur from the border is cut off, so that nothing is known beyond it. *auto*: `proxel deblur` \
+         as it is, all automatic; *best lambda*: the best PSNR of {} values around that, by factors of 2; *Wiener*: \
+         conj(H) F / (|H|^2 + c) with the best constant c, *Laplacian*: conj(H) F / (|H|^2 + c L^2), L its symbol, both of the \
+         image before the border was cut off, which wraps around as they assume. All in dB on the same pixels, by the truth; at most {most} iterations a run, tolerance 1e-4.\n",
         2 * steps + 1
     );
     let columns = [
@@ -63,11 +63,13 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
         "best lambda",
         "at",
         "Wiener",
+        "Laplacian",
         "auto - best",
         "auto - Wiener",
+        "auto - Laplacian",
     ];
     let mut table = Table::new(columns.map(str::to_string));
-    let mut csv = "image,blur,noise,regulariser,lambda,seen,auto,best,best_lambda,wiener\n".to_string();
+    let mut csv = "image,blur,noise,regulariser,lambda,seen,auto,best,best_lambda,wiener,laplacian\n".to_string();
     for (name, image) in &images {
         for (blur, psf) in blurs(&folder, quick)? {
             let scene = scene(image, psf)?;
@@ -75,7 +77,6 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
                 tol: 1e-4,
                 max_iters: most,
                 threads: context.options.threads,
-                regulariser: RegulariserName::Auto,
                 ..RestoreSettings::default()
             };
             let auto = solve(&scene, &settings)?;
@@ -93,9 +94,11 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
                     (best, at) = (reached, lambda);
                 }
             }
-            let wiener = wiener(&scene);
+            let [wiener, laplacian] = wiener(&scene);
             let noise = of.noise.unwrap_or(f64::NAN);
-            context.tell(&format!("{name}, {blur}: auto {reached:.2} dB, best {best:.2}, Wiener {wiener:.2}"));
+            context.tell(&format!(
+                "{name}, {blur}: auto {reached:.2} dB, best {best:.2}, Wiener {wiener:.2}, {laplacian:.2}"
+            ));
             let db = |v: f64| format!("{v:.2}");
             table.row([
                 name.clone(),
@@ -108,12 +111,14 @@ pub fn run(context: &mut Context<'_>) -> Result<(), BenchError> {
                 db(best),
                 format!("{at:.0}"),
                 db(wiener),
+                db(laplacian),
                 db(reached - best),
                 db(reached - wiener),
+                db(reached - laplacian),
             ]);
             let _ = writeln!(
                 csv,
-                "{name},{blur},{noise:.5},{},{:.4},{before:.4},{reached:.4},{best:.4},{at:.4},{wiener:.4}",
+                "{name},{blur},{noise:.5},{},{:.4},{before:.4},{reached:.4},{best:.4},{at:.4},{wiener:.4},{laplacian:.4}",
                 of.regulariser, of.lambda
             );
         }
@@ -185,17 +190,17 @@ fn cut(image: &Image, psf: &Psf) -> Result<Image, BenchError> {
     Image::new(w, h, image.channels.iter().map(rows).collect()).map_err(BenchError::from_display)
 }
 
-/// The PSNR of the best Wiener filter with a constant c, on the pixels that are not cut off: of |H|^2 + c and |H|^2 + c L^2, L
-/// the symbol of the Laplacian; constants by factors of 2^(1/2).
-fn wiener(scene: &Scene) -> f64 {
+/// The PSNR of the Wiener filters with the best constant c, on the pixels that are not cut off: of |H|^2 + c, and of |H|^2 + c
+/// L^2, L the symbol of the Laplacian; constants by factors of 2^(1/2).
+fn wiener(scene: &Scene) -> [f64; 2] {
     let (w, h) = (scene.whole.width, scene.whole.height);
     let fourier = Fourier::new(w, h);
     let spectrum = scene.psf.spectrum(&fourier);
     let part = |k: usize, n: usize| 2.0 - 2.0 * (TAU * k as f64 / n as f64).cos();
     let laplacian = |k: usize| (part(k % h, h) + part(k / h, w)).powi(2);
-    let mut best = f64::NEG_INFINITY;
+    let mut best = [f64::NEG_INFINITY; 2];
     for k in 0..=68 {
-        let constant = 1e-6 * 2f64.powf(0.5 * f64::from(k / 2));
+        let constant = 1e-6 * 2f64.powf(0.5 * (k / 2) as f64);
         let weight = |frequency: usize| if k % 2 == 0 { 1.0 } else { laplacian(frequency) };
         let filter: Vec<_> = (spectrum.iter().enumerate())
             .map(|(at, gain)| gain.conj() / (gain.norm_sqr() + constant * weight(at)))
@@ -208,7 +213,7 @@ fn wiener(scene: &Scene) -> f64 {
         }
         let filtered = Image { width: w, height: h, channels };
         if let Ok(inner) = cut(&filtered, &scene.psf) {
-            best = best.max(psnr(&inner.channels, &scene.truth.channels));
+            best[k % 2] = best[k % 2].max(psnr(&inner.channels, &scene.truth.channels));
         }
     }
     best

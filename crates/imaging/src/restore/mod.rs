@@ -20,9 +20,8 @@ pub use certificate::{Certifier, Gap, duality_gap};
 pub use field::Field;
 pub use model::{MOST_SCALE, Model, natural_penalty};
 pub use noise::{count_level, noise_level, psnr};
-pub use risk::{Risk, RiskSettings, choose_lambda};
+pub use risk::{Risk, RiskSettings, choose_lambda, estimate_risk};
 
-use crate::{CosineStep, FourierStep, SecondOrderStep};
 use proxel_split::{
     Acceleration, Admm, AdmmSettings, Algorithm, Cycle, Extrapolation, GlobalStep, History, Method, Problem,
     SystemError,
@@ -123,16 +122,9 @@ pub enum Iteration {
 /// A problem and the step that solves for x.
 pub struct Restoration {
     problem: Problem,
-    step: Step,
+    step: Box<dyn GlobalStep>, // by the transform that the border asks for
     /// What certificates need.
     pub field: Field,
-}
-
-/// By the transform that the border asks for.
-enum Step {
-    Periodic(FourierStep),
-    Neumann(CosineStep),
-    SecondOrder(SecondOrderStep),
 }
 
 impl Restoration {
@@ -141,12 +133,7 @@ impl Restoration {
     /// # Errors
     /// Settings that the splitting refuses.
     pub fn method(self, name: &str, iteration: Iteration) -> Result<Box<dyn Method>, SystemError> {
-        let global: Box<dyn GlobalStep> = match self.step {
-            Step::Periodic(step) => Box::new(step),
-            Step::Neumann(step) => Box::new(step),
-            Step::SecondOrder(step) => Box::new(step),
-        };
-        let settings = AdmmSettings { name: name.to_string(), global, reweighting: None, renewed_at: None };
+        let settings = AdmmSettings { name: name.to_string(), global: self.step, reweighting: None, renewed_at: None };
         let admm = Admm::new(self.problem, settings)?;
         let relaxed = |admm: Admm, relaxation: f64| admm.with_cycle(Cycle { relaxation, ..Cycle::PLAIN });
         Ok(match iteration {

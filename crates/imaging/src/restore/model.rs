@@ -1,12 +1,12 @@
 //! What is known of an image, and the problem made of it.
 
-use super::{Data, Edges, Field, Form, Regulariser, Restoration, Step};
+use super::{Data, Edges, Field, Form, Regulariser, Restoration};
 use crate::{
     Bends, Blur, BlurredSquares, CosineStep, FourierStep, GradientTerm, Grid, Huber, Image, ImageError, Interval,
     LocalCosines, Norm, Observed, PixelTerm, Pointwise, Poisson, Psf, SecondOrderStep, Shrinkage, Slopes, Squares,
     StencilTerm, Symbol, TotalVariation,
 };
-use proxel_split::{Problem, Quadratic, Term};
+use proxel_split::{GlobalStep, Problem, Quadratic, Term};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -341,13 +341,13 @@ fn frame_weights() -> Vec<f64> {
 }
 
 /// The global step of a field, with a data term that it holds or none.
-fn step(field: &Field, data: Option<&BlurredSquares>, symbols: Vec<Symbol>) -> Step {
+fn step(field: &Field, data: Option<&BlurredSquares>, symbols: Vec<Symbol>) -> Box<dyn GlobalStep> {
     let grid = field.grid;
     match &field.blur {
         Blur::Periodic { fourier, kernel } if field.slopes => {
             let held = data.and_then(|data| SecondOrderStep::with_data(data, symbols.clone()));
             let (fourier, kernel) = (fourier.clone(), kernel.clone());
-            Step::SecondOrder(match held {
+            Box::new(match held {
                 Some(held) => held,
                 None if field.carries => SecondOrderStep::with_blurred(grid, fourier, kernel, symbols),
                 None => SecondOrderStep::of_terms(grid, fourier, symbols),
@@ -355,7 +355,7 @@ fn step(field: &Field, data: Option<&BlurredSquares>, symbols: Vec<Symbol>) -> S
         }
         Blur::Periodic { fourier, kernel } => {
             let held = data.and_then(|data| FourierStep::with_data(data.clone(), symbols.clone()));
-            Step::Periodic(match held {
+            Box::new(match held {
                 Some(held) => held,
                 None if field.carries => FourierStep::with_blurred(grid, fourier.clone(), kernel.clone(), symbols),
                 None => FourierStep::of_terms(grid, fourier.clone(), symbols),
@@ -363,7 +363,7 @@ fn step(field: &Field, data: Option<&BlurredSquares>, symbols: Vec<Symbol>) -> S
         }
         Blur::Neumann { cosine, kernel } => {
             let held = data.and_then(|data| CosineStep::with_data(data, symbols.clone()));
-            Step::Neumann(match held {
+            Box::new(match held {
                 Some(held) => held,
                 None if field.carries => CosineStep::with_blurred(grid, cosine.clone(), kernel.clone(), symbols),
                 None => CosineStep::of_terms(grid, cosine.clone(), symbols),

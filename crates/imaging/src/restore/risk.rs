@@ -13,11 +13,15 @@ pub struct RiskSettings {
     pub tile: usize,
     /// What the noise's share in a frequency is compared with: see [`Risk`].
     pub damping: f64,
+    /// The lambda that is tried first; by the noise if none.
+    pub first: Option<f64>,
+    /// Where the estimate of the first is above this nothing else is tried.
+    pub most: f64,
 }
 
 impl Default for RiskSettings {
     fn default() -> Self {
-        RiskSettings { iterations: 60, tile: 160, damping: 0.02 }
+        RiskSettings { iterations: 60, tile: 160, damping: 0.02, first: None, most: f64::INFINITY }
     }
 }
 
@@ -51,9 +55,10 @@ pub struct Risk {
     pub value: f64,
 }
 
-/// The lambda of least estimated risk: steps of a factor of 2 from a guess by the noise until both neighbours are worse, and
-/// the vertex of the parabola through the three. All that were tried, the chosen one last. `noise` is s: the standard
-/// deviation, for [`Data::Poisson`] that of a pixel of value 1.
+/// The lambda of least estimated risk: steps of a factor of 2 from the first until both neighbours are worse, and the vertex of
+/// the parabola through the three, whose value is that of the best of them. All that were tried, the chosen one last; only the
+/// first where its estimate is above `most`. `noise` is s: the standard deviation, for [`Data::Poisson`] that of a pixel of
+/// value 1.
 ///
 /// # Errors
 /// No noise; what [`Model::build`] refuses; a problem that the splitting refuses, as its text.
@@ -63,34 +68,29 @@ pub fn choose_lambda(
     settings: &RiskSettings,
     stop: &mut dyn FnMut() -> bool,
 ) -> Result<Vec<Risk>, ImageError> {
-    if !(noise > 0.0 && noise.is_finite()) {
-        return Err(ImageError(format!("lambda cannot be found for noise of {noise}; give --lambda")));
-    }
+    check(noise)?;
     let tiles = tiles(model, settings.tile);
     let mut tried: Vec<Risk> = Vec::new();
     // lambda = b / (2 s^2) is the maximum of the likelihood for steps of mean 2b; 1/rho_0 is such a step.
     // That of counts is not halved.
     let halves = if model.data == Data::Poisson { 1.0 } else { 2.0 };
-    let first = 1.0 / (halves * noise * noise * model.natural);
+    let first = settings.first.unwrap_or(1.0 / (halves * noise * noise * model.natural));
     let at = |k: i32, tried: &mut Vec<Risk>| -> Result<f64, ImageError> {
         let lambda = first * 2f64.powi(k);
         if let Some(known) = tried.iter().find(|risk| risk.lambda == lambda) {
             return Ok(known.value);
         }
-        let mut value = 0.0;
-        let mut pixels = 0.0;
-        for tile in &tiles {
-            let tile = Model { lambda, ..tile.clone() };
-            value += risk(&tile, noise, settings)?;
-            pixels += (tile.width * tile.height * tile.channels.len()) as f64;
-        }
-        tried.push(Risk { lambda, value: value / pixels });
-        Ok(value / pixels)
+        let value = mean(&tiles, lambda, noise, settings)?;
+        tried.push(Risk { lambda, value });
+        Ok(value)
     };
     /// Steps to either side.
     const FARTHEST: i32 = 10;
     let mut k: i32 = 0;
     let mut here = at(0, &mut tried)?;
+    if here.is_nan() || here > settings.most {
+        return Ok(tried);
+    }
     let way = if at(1, &mut tried)? < here { 1 } else { -1 };
     while k.abs() < FARTHEST && !stop() {
         let next = at(k + way, &mut tried)?;
@@ -112,6 +112,34 @@ pub fn choose_lambda(
     };
     tried.push(Risk { lambda: first * 2f64.powf(f64::from(k) + shift), value: here });
     Ok(tried)
+}
+
+/// The estimate for the lambda that the model has, by the same parts of the image as [`choose_lambda`].
+///
+/// # Errors
+/// As [`choose_lambda`].
+pub fn estimate_risk(model: &Model, noise: f64, settings: &RiskSettings) -> Result<Risk, ImageError> {
+    check(noise)?;
+    let value = mean(&tiles(model, settings.tile), model.lambda, noise, settings)?;
+    Ok(Risk { lambda: model.lambda, value })
+}
+
+fn check(noise: f64) -> Result<(), ImageError> {
+    if noise > 0.0 && noise.is_finite() {
+        return Ok(());
+    }
+    Err(ImageError(format!("lambda cannot be found for noise of {noise}; give --lambda")))
+}
+
+/// The estimate over the number of pixels.
+fn mean(tiles: &[Model], lambda: f64, noise: f64, settings: &RiskSettings) -> Result<f64, ImageError> {
+    let (mut value, mut pixels) = (0.0, 0.0);
+    for tile in tiles {
+        let tile = Model { lambda, ..tile.clone() };
+        value += risk(&tile, noise, settings)?;
+        pixels += (tile.width * tile.height * tile.channels.len()) as f64;
+    }
+    Ok(value / pixels)
 }
 
 /// The image itself, or four parts of it around the middles of its quarters, whose borders are unknown.

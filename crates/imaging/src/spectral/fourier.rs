@@ -1,5 +1,7 @@
 //! The discrete Fourier transform of real fields in two dimensions.
 
+use crate::grid::TILE_ROWS;
+use proxel_split::Taker;
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -9,7 +11,7 @@ use std::sync::Arc;
 /// Columns of a spectrum that are handled together: a row's part of them is two cache lines.
 const BLOCK: usize = 8;
 /// Rows that are handled together: a column's part of them is two cache lines, a block of columns' part of them 1 KiB.
-const ROWS: usize = 8;
+const ROWS: usize = TILE_ROWS;
 /// Complex numbers between columns, so that columns of a power of two do not share cache sets.
 const PAD: usize = 4;
 
@@ -34,6 +36,40 @@ pub struct Spectra {
     rows: Vec<Vec<Complex<f64>>>, // a field: a task of rows after another, in each the tiles of all blocks
     blocks: Vec<Vec<Complex<f64>>>, // a block of columns: a field after another, in each row by row
     sums: Vec<f64>,
+}
+
+/// Rows of a field that were taken one by one: their transforms, as [`Spectra`] has them.
+#[derive(Default)]
+pub struct Fed(Vec<Complex<f64>>);
+
+impl Spectra {
+    /// The room of the first field, for its rows to be taken one by one; none before the first use.
+    pub fn give_rows(&mut self) -> Vec<Fed> {
+        self.rows.first_mut().map(|rows| Fed(std::mem::take(rows))).into_iter().collect()
+    }
+}
+
+/// What the transform of a row needs.
+struct RowRoom {
+    row: Vec<Complex<f64>>,
+    scratch: Vec<Complex<f64>>,
+}
+
+/// Takes some rows of all channels.
+struct Rows<'a> {
+    fourier: &'a Fourier,
+    tiles: Vec<&'a mut [Complex<f64>]>, // of each channel
+    room: RowRoom,
+}
+
+impl Taker for Rows<'_> {
+    fn take(&mut self, row: usize, pull: &mut [f64]) {
+        let (task, i) = (row / ROWS, row % ROWS);
+        let len = self.fourier.task_len();
+        for (channel, tiles) in pull.chunks_exact_mut(self.fourier.width).zip(&mut self.tiles) {
+            self.fourier.row_forward(channel, i, &mut tiles[task * len..(task + 1) * len], &mut self.room);
+        }
+    }
 }
 
 /// A field within a vector of nodes: its channels alternate row by row.
@@ -98,7 +134,7 @@ impl Fourier {
 
     /// The same into room that there is; the field is used up.
     pub fn forward_to(&self, field: &mut [f64], work: &mut Spectra, out: &mut [Complex<f64>]) {
-        self.rows_forward(field, &[Layout { first: 0, stride: self.width }], work);
+        self.rows_forward(field, &[Layout { first: 0, stride: self.width }], 0, work);
         let rows = &work.rows[0];
         let room = || (self.columns_room(1), self.columns_scratch());
         let blocks = out.par_chunks_mut(BLOCK * self.height).enumerate();
@@ -148,30 +184,63 @@ impl Fourier {
         vec![Complex::default(); length]
     }
 
-    /// Rows of the fields to tiles of their spectra. The fields are used up.
-    fn rows_forward(&self, from: &mut [f64], layouts: &[Layout], work: &mut Spectra) {
-        let n = self.n_columns();
+    /// Rows of the fields but for the first few to tiles of their spectra. The fields are used up.
+    fn rows_forward(&self, from: &mut [f64], layouts: &[Layout], skipped: usize, work: &mut Spectra) {
         work.rows.resize_with(layouts.len(), Vec::new);
-        for (layout, rows) in layouts.iter().zip(&mut work.rows) {
+        for (layout, rows) in layouts.iter().zip(&mut work.rows).skip(skipped) {
             rows.resize(self.task_len() * self.height.div_ceil(ROWS), Complex::default());
             let from = &mut from[layout.first..][..self.reach(layout)];
             let tasks = from.par_chunks_mut(ROWS * layout.stride).zip(rows.par_chunks_exact_mut(self.task_len()));
-            let room = || (vec![Complex::default(); n], vec![Complex::default(); self.rows.get_scratch_len()]);
-            tasks.for_each_init(room, |(row, scratch), (from, tiles)| {
-                for (i, from) in from.chunks_mut(layout.stride).enumerate() {
-                    // The lengths are those of the plan, which is all that can go wrong.
-                    let _ = self.rows.process_with_scratch(&mut from[..self.width], row, scratch);
-                    let (parts, rest) = row.as_chunks::<BLOCK>();
-                    let mut tiles = tiles.chunks_exact_mut(ROWS * BLOCK);
-                    for (part, tile) in parts.iter().zip(&mut tiles) {
-                        tile.as_chunks_mut::<BLOCK>().0[i] = *part;
+            tasks.for_each_init(
+                || self.row_room(),
+                |room, (from, tiles)| {
+                    for (i, from) in from.chunks_mut(layout.stride).enumerate() {
+                        self.row_forward(&mut from[..self.width], i, tiles, room);
                     }
-                    if let Some(tile) = tiles.next() {
-                        tile[i * BLOCK..i * BLOCK + rest.len()].copy_from_slice(rest);
-                    }
-                }
-            });
+                },
+            );
         }
+    }
+
+    fn row_room(&self) -> RowRoom {
+        RowRoom {
+            row: vec![Complex::default(); self.n_columns()],
+            scratch: vec![Complex::default(); self.rows.get_scratch_len()],
+        }
+    }
+
+    /// The i-th row of a task to its tiles. The row is used up.
+    fn row_forward(&self, from: &mut [f64], i: usize, tiles: &mut [Complex<f64>], room: &mut RowRoom) {
+        // The lengths are those of the plan, which is all that can go wrong.
+        let _ = self.rows.process_with_scratch(from, &mut room.row, &mut room.scratch);
+        let (parts, rest) = room.row.as_chunks::<BLOCK>();
+        let mut tiles = tiles.chunks_exact_mut(ROWS * BLOCK);
+        for (part, tile) in parts.iter().zip(&mut tiles) {
+            tile.as_chunks_mut::<BLOCK>().0[i] = *part;
+        }
+        if let Some(tile) = tiles.next() {
+            tile[i * BLOCK..i * BLOCK + rest.len()].copy_from_slice(rest);
+        }
+    }
+
+    /// Takers of `rows` rows each of the fields whose channels alternate row by row, for [`Fourier::filter_fed`]. None where
+    /// that is no whole number of tiles.
+    pub fn takers<'a>(&'a self, rows: usize, fields: &'a mut [Fed]) -> Option<Vec<Box<dyn Taker + 'a>>> {
+        if rows == 0 || !rows.is_multiple_of(ROWS) && rows < self.height {
+            return None;
+        }
+        let len = self.task_len() * rows.div_ceil(ROWS);
+        let mut takers: Vec<Rows<'a>> = Vec::new();
+        takers.resize_with(self.height.div_ceil(rows), || Rows {
+            fourier: self,
+            tiles: Vec::new(),
+            room: self.row_room(),
+        });
+        for Fed(field) in fields {
+            field.resize(self.task_len() * self.height.div_ceil(ROWS), Complex::default());
+            takers.iter_mut().zip(field.chunks_mut(len)).for_each(|(taker, tiles)| taker.tiles.push(tiles));
+        }
+        Some(takers.into_iter().map(|taker| Box::new(taker) as Box<dyn Taker + 'a>).collect())
     }
 
     /// A block of columns out of tiles.
@@ -211,7 +280,36 @@ impl Fourier {
         work: &mut Spectra,
         of: impl Fn(Column<'_, '_, K>) -> f64 + Sync,
     ) -> f64 {
-        self.rows_forward(from, layouts, work);
+        self.rows_forward(from, layouts, 0, work);
+        self.filter_rows(to, layouts, work, of)
+    }
+
+    /// The same for fields of which the first is not in `from`: its rows were taken.
+    pub fn filter_fed<const K: usize>(
+        &self,
+        first: &mut Fed,
+        from: &mut [f64],
+        to: &mut [f64],
+        layouts: &[Layout; K],
+        work: &mut Spectra,
+        of: impl Fn(Column<'_, '_, K>) -> f64 + Sync,
+    ) -> f64 {
+        self.rows_forward(from, layouts, 1, work);
+        let Some(rows) = work.rows.first_mut() else { return 0.0 };
+        std::mem::swap(rows, &mut first.0);
+        let sum = self.filter_rows(to, layouts, work, of);
+        std::mem::swap(&mut work.rows[0], &mut first.0);
+        sum
+    }
+
+    /// What follows the transforms of rows.
+    fn filter_rows<const K: usize>(
+        &self,
+        to: &mut [f64],
+        layouts: &[Layout; K],
+        work: &mut Spectra,
+        of: impl Fn(Column<'_, '_, K>) -> f64 + Sync,
+    ) -> f64 {
         let (n, h) = (self.n_columns(), self.height);
         let blocks = n.div_ceil(BLOCK);
         let stride = h + PAD;

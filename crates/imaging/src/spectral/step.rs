@@ -1,11 +1,14 @@
 //! The global step in Fourier space.
 
 use super::blur::Blur;
-use super::fourier::{Fourier, Spectra};
+use super::fourier::{Column, Fed, Fourier, Spectra};
 use super::kernel::BlurredSquares;
 use crate::Grid;
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
-use proxel_split::{GlobalReport, GlobalStep, NormalMatrix, Objective, Precision, Problem, Pull, SystemError, vector};
+use proxel_split::vector;
+use proxel_split::{
+    GlobalReport, GlobalStep, Intake, NormalMatrix, Objective, Precision, Problem, Pull, SystemError, Taker,
+};
 use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -42,10 +45,11 @@ pub struct FourierStep {
     right: Vec<Vec<Complex<f64>>>, // a channel: 2 lambda conj(H) F
     symbols: Vec<Symbol>,          // of each term of the problem
     weights: Vec<f64>,             // w^2 of each term
-    inverse: Vec<f64>,             // 1 / denominator
+    inverse: Vec<f64>,             // 1 / (denominator times pixels), since transforms are not normalised
     laplacian: [Vec<f64>; 2],      // 2 - 2 cos of each row, and of each column
     work: Spectra,
-    square: f64, // lambda |f|^2
+    fed: Vec<Fed>, // the pull on x of each channel, where it was taken row by row
+    square: f64,   // lambda |f|^2
 }
 
 impl FourierStep {
@@ -90,6 +94,7 @@ impl FourierStep {
             inverse: Vec::new(),
             laplacian: Default::default(),
             work: Spectra::default(),
+            fed: Vec::new(),
             square: 0.0,
         }
     }
@@ -114,22 +119,21 @@ impl FourierStep {
     }
 }
 
-/// A column of X = (R - P) / denominator in the place of P, the denominator being 2 lambda |H|^2 + a; returns its part of
-/// lambda |K x - f|^2 without lambda |f|^2,
+/// A column of s X = s (R - P) / denominator in the place of P, s = 1 / pixels, the denominator being 2 lambda |H|^2 + a;
+/// returns its part of lambda |K x - f|^2 without lambda |f|^2, which is s times
 ///
 /// ```text
 /// lambda |H|^2 |X|^2 - Re conj(X) R = -(Re conj(X) (R + P) + a |X|^2) / 2
 /// ```
 ///
-/// which takes no |H|^2, an array less to be read.
+/// and takes no |H|^2, an array less to be read.
 struct Held<'a> {
     field: &'a mut [Complex<f64>],
     right: &'a [Complex<f64>], // R = 2 lambda conj(H) F
-    inverse: &'a [f64],        // 1 / denominator
+    inverse: &'a [f64],        // s / denominator
     down: &'a [f64],           // 2 - 2 cos of the row
-    slope: f64,                // a = slope down + shift
+    slope: f64,                // a / s = slope down + shift
     shift: f64,
-    scale: f64,
 }
 
 /// Eight numbers as their real and their imaginary parts.
@@ -142,14 +146,13 @@ impl<I: Isa> HeldLanes<I> {
         let a = self.slope.mul_add(down, self.shift);
         let of_sum = re.mul_add(r[0] + p[0], im * (r[1] + p[1]));
         self.sum += a.mul_add(re.mul_add(re, im * im), of_sum);
-        [re * self.scale, im * self.scale]
+        [re, im]
     }
 }
 
 struct HeldLanes<I: Isa> {
     slope: F8<I>,
     shift: F8<I>,
-    scale: F8<I>,
     sum: F8<I>,
 }
 
@@ -163,12 +166,7 @@ impl Kernel for Held<'_> {
         let (right, right_rest) = bytemuck::cast_slice(&self.right[..n]).as_chunks::<{ 2 * LANES }>();
         let (inverse, inverse_rest) = self.inverse[..n].as_chunks::<LANES>();
         let (down, down_rest) = self.down[..n].as_chunks::<LANES>();
-        let mut lanes = HeldLanes::<I> {
-            slope: F8::splat(self.slope),
-            shift: F8::splat(self.shift),
-            scale: F8::splat(self.scale),
-            sum: F8::zero(),
-        };
+        let mut lanes = HeldLanes::<I> { slope: F8::splat(self.slope), shift: F8::splat(self.shift), sum: F8::zero() };
         for i in 0..field.len() {
             let (p, r) = (F8::pairs(&field[i]), F8::pairs(&right[i]));
             F8::put_pairs(lanes.advance(p, r, F8::load(&inverse[i]), F8::load(&down[i])), &mut field[i]);
@@ -219,16 +217,32 @@ pub(super) fn weights(problem: &Problem, grid: Grid, fields: usize, terms: usize
     Ok(problem.terms.iter().map(|term| term.scale().weight2 / pixels).collect())
 }
 
+impl Intake for FourierStep {
+    fn takers(&mut self, len: usize) -> Option<Vec<Box<dyn Taker + '_>>> {
+        let row_len = self.grid.row_len();
+        if row_len == 0 || !len.is_multiple_of(row_len) {
+            return None;
+        }
+        if self.fed.is_empty() {
+            // Room that is not used as long as rows are taken one by one.
+            self.fed = self.work.give_rows();
+            self.fed.resize_with(self.grid.channels, Fed::default);
+        }
+        self.fourier.takers(len / row_len, &mut self.fed)
+    }
+}
+
 impl GlobalStep for FourierStep {
     fn run(
         &mut self,
-        _: &mut Objective<'_>,
+        objective: &mut Objective<'_>,
         _: &mut NormalMatrix,
         x: &mut [f64],
         grad: &mut Vec<f64>,
     ) -> Result<GlobalReport, SystemError> {
+        let is_fed = objective.fed.is_some();
         let (grid, h) = (self.grid, self.fourier.height());
-        let (inverse, kernel, scale) = (&self.inverse, &self.kernel, 1.0 / grid.n_pixels() as f64);
+        let (inverse, kernel, pixels) = (&self.inverse, &self.kernel, grid.n_pixels() as f64);
         let (down, along, penalties) = (&self.laplacian[0], &self.laplacian[1], self.penalties());
         let mut f = self.square;
         for channel in 0..grid.channels {
@@ -236,30 +250,37 @@ impl GlobalStep for FourierStep {
             let at = |j: usize| j * h..(j + 1) * h;
             if self.carries {
                 let layouts = [layout, super::channel(grid, grid.len(), channel)];
-                self.fourier.filter(grad, x, &layouts, &mut self.work, |column| {
+                let of = |column: Column<'_, '_, 2>| {
                     let (inverse, kernel) = (&inverse[at(column.j)], &kernel[at(column.j)]);
                     let [of_x, of_y] = column.fields;
                     for (((x, y), d), k) in of_x.iter_mut().zip(of_y.iter_mut()).zip(inverse).zip(kernel) {
-                        *x = (*x + k.conj() * *y) * (-d * scale);
+                        *x = (*x + k.conj() * *y) * -d;
                         *y = *x * k;
                     }
                     0.0
-                });
+                };
+                match self.fed.get_mut(channel).filter(|_| is_fed) {
+                    Some(fed) => self.fourier.filter_fed(fed, grad, x, &layouts, &mut self.work, of),
+                    None => self.fourier.filter(grad, x, &layouts, &mut self.work, of),
+                };
                 continue;
             }
             let right = self.right.get(channel);
-            f += self.fourier.filter(grad, x, &[layout], &mut self.work, |column| {
+            let of = |column: Column<'_, '_, 1>| {
                 let inverse = &inverse[at(column.j)];
                 let [field] = column.fields;
                 let Some(right) = right else {
-                    field.iter_mut().zip(inverse).for_each(|(x, d)| *x *= -d * scale);
+                    field.iter_mut().zip(inverse).for_each(|(x, d)| *x *= -d);
                     return 0.0;
                 };
                 let right = &right[at(column.j)];
-                let (slope, shift) = (penalties[0], penalties[0] * along[column.j] + penalties[1]);
-                let sum = dispatch(Held { field, right, inverse, down, slope, shift, scale });
-                sum * column.multiplicity * scale
-            });
+                let (slope, shift) = (pixels * penalties[0], pixels * (penalties[0] * along[column.j] + penalties[1]));
+                dispatch(Held { field, right, inverse, down, slope, shift }) * column.multiplicity
+            };
+            f += match self.fed.get_mut(channel).filter(|_| is_fed) {
+                Some(fed) => self.fourier.filter_fed(fed, grad, x, &[layout], &mut self.work, of),
+                None => self.fourier.filter(grad, x, &[layout], &mut self.work, of),
+            };
         }
         let quadratic = self.data.is_some().then_some(f);
         Ok(GlobalReport { inner: 1, quadratic, ..GlobalReport::default() })
@@ -271,6 +292,12 @@ impl GlobalStep for FourierStep {
 
     fn pull(&self) -> Pull {
         Pull::AtOrigin
+    }
+
+    fn intake(&mut self, term: usize) -> Option<&mut dyn Intake> {
+        let on_x = |symbol: &Symbol| *symbol != Symbol::Blurred;
+        let alone = self.symbols.iter().filter(|symbol| on_x(symbol)).count() == 1;
+        (alone && self.symbols.get(term).is_some_and(on_x)).then_some(self)
     }
 
     fn work(&self) -> f64 {
@@ -294,6 +321,7 @@ impl GlobalStep for FourierStep {
         let part = |k: usize, n: usize| 4.0 * (0.5 * TAU * k as f64 / n as f64).sin().powi(2);
         self.laplacian =
             [(h, h), (self.fourier.n_columns(), w)].map(|(count, n)| (0..count).map(|k| part(k, n)).collect());
+        let pixels = self.grid.n_pixels() as f64;
         let mut inverse = std::mem::take(&mut self.inverse);
         inverse.clear();
         for j in 0..self.fourier.n_columns() {
@@ -302,7 +330,7 @@ impl GlobalStep for FourierStep {
                 if !(denominator > 0.0 && denominator.is_finite()) {
                     return Err(SystemError::Singular { node: i * w + j });
                 }
-                inverse.push(1.0 / denominator);
+                inverse.push(1.0 / (denominator * pixels));
             }
         }
         self.inverse = inverse;

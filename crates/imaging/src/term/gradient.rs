@@ -20,7 +20,7 @@ pub struct GradientTerm<P> {
     first: usize, // node of pixel 0
     pub(super) of: P,
     weight: Weight,
-    scratch: Vec<Vec<f64>>,  // of each task: c, v; or p of two rows and a row of x
+    scratch: Vec<Vec<f64>>,  // of each task: c, v; or p of two rows and a row of the pull
     parts: Vec<LocalReport>, // of each task
 }
 
@@ -33,7 +33,7 @@ impl<P: Pointwise> GradientTerm<P> {
             first,
             of,
             weight: Weight::new(weight2),
-            scratch: (0..tasks).map(|_| vec![0.0; 6 * grid.row_len()]).collect(),
+            scratch: (0..tasks).map(|_| vec![0.0; 5 * grid.row_len()]).collect(),
             parts: vec![LocalReport::default(); tasks],
         }
     }
@@ -143,7 +143,7 @@ impl<P: Pointwise> GradientTerm<P> {
                 Some(counted) => {
                     let (force, threshold) = (self.of.force(), self.of.force() / self.weight.squared);
                     let row = Row { of_field: &self.of_field, field, row, counted, threshold };
-                    force * row.shrink(cycle, p_row, u_row, c, &mut sums)
+                    force * row.shrink(cycle, p_row, u_row, &mut sums)
                 }
                 None => {
                     self.of_field.row(field, row, c);

@@ -19,25 +19,18 @@ pub(super) struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// What a cycle does to the row's p and u; the sum of |z| over what counts. `longer` is room for a row of one channel and a
-    /// pixel more.
-    pub(super) fn shrink(
-        &self,
-        cycle: &Cycle,
-        p: &mut [f64],
-        u: &mut [f64],
-        longer: &mut [f64],
-        sums: &mut Sums,
-    ) -> f64 {
+    /// What a cycle does to the row's p and u; the sum of |z| over what counts.
+    pub(super) fn shrink(&self, cycle: &Cycle, p: &mut [f64], u: &mut [f64], sums: &mut Sums) -> f64 {
         // In the z-x-u order the dual waits for x.
         let (step, dual) = (cycle.relaxation - 1.0, if cycle.order == Order::Zxu { 0.0 } else { 1.0 });
         let mut sizes = 0.0;
-        self.for_each_part(longer, &mut |part| {
+        self.for_each_part(&mut |part| {
             let size = dispatch(Pairs {
                 step,
                 dual,
                 threshold: part.threshold,
                 here: part.here,
+                right: part.right,
                 below: part.below,
                 p: part.of(p),
                 u: part.of(u),
@@ -49,20 +42,14 @@ impl Row<'_> {
     }
 
     /// [`Folded::step`](proxel_split::Folded) of the row; its -p, and the sum of |z| over what counts.
-    pub(super) fn fold(
-        &self,
-        relaxation: f64,
-        v: &mut [f64],
-        minus_p: &mut [f64],
-        longer: &mut [f64],
-        sums: &mut Sums,
-    ) -> f64 {
+    pub(super) fn fold(&self, relaxation: f64, v: &mut [f64], minus_p: &mut [f64], sums: &mut Sums) -> f64 {
         let mut sizes = 0.0;
-        self.for_each_part(longer, &mut |part| {
+        self.for_each_part(&mut |part| {
             let size = dispatch(FoldedPairs {
                 relaxation,
                 threshold: part.threshold,
                 here: part.here,
+                right: part.right,
                 below: part.below,
                 v: part.of(v),
                 minus_p: part.of(minus_p),
@@ -74,7 +61,7 @@ impl Row<'_> {
     }
 
     /// Visits the row channel by channel, and in each what does not count apart from what does.
-    fn for_each_part(&self, longer: &mut [f64], visit: &mut dyn FnMut(Part<'_>)) {
+    fn for_each_part(&self, visit: &mut dyn FnMut(Part<'_>)) {
         let grid = self.of_field.grid;
         let (w, len) = (grid.width, grid.row_len());
         if w == 0 {
@@ -83,12 +70,9 @@ impl Row<'_> {
         let here = &self.field[self.row * len..(self.row + 1) * len];
         // Below the last row of a field that mirrors lies that row again, and behind the last pixel of a row that pixel.
         let below = self.of_field.below(self.field, self.row).unwrap_or(here);
-        let longer = &mut longer[..w + 1];
         for c in 0..grid.channels {
             let plane = c * w..(c + 1) * w;
-            longer[..w].copy_from_slice(&here[plane.clone()]);
-            longer[w] = longer[self.of_field.other_side(0, w - 1)];
-            let below = &below[plane];
+            let (here, below) = (&here[plane.clone()], &below[plane]);
             for (at, counts) in
                 [(0..self.counted.start, false), (self.counted.clone(), true), (self.counted.end..w, false)]
             {
@@ -97,7 +81,8 @@ impl Row<'_> {
                     width: w,
                     threshold: if counts { self.threshold } else { 0.0 },
                     counts,
-                    here: &longer[at.start..at.end + 1],
+                    here: &here[at.clone()],
+                    right: here.get(at.end).copied().unwrap_or(here[self.of_field.other_side(0, w - 1)]),
                     below: &below[at],
                 });
             }
@@ -112,6 +97,7 @@ struct Part<'a> {
     threshold: f64,
     counts: bool,
     here: &'a [f64],
+    right: f64, // of the last pixel
     below: &'a [f64],
 }
 
@@ -130,10 +116,11 @@ impl Part<'_> {
 /// The same as [`super::pass::begin`], the prox and [`Sums::end`] one after another, without their round trips: differences,
 /// v and z are never stored.
 struct Pairs<'a> {
-    step: f64,             // alpha - 1
-    dual: f64,             // 1 where u moves by c - z, 0 where it stays
-    threshold: f64,        // 0 shrinks nothing
-    here: &'a [f64],       // one pixel more: what the last difference is taken to
+    step: f64,      // alpha - 1
+    dual: f64,      // 1 where u moves by c - z, 0 where it stays
+    threshold: f64, // 0 shrinks nothing
+    here: &'a [f64],
+    right: f64,            // what the last difference is taken to
     below: &'a [f64],      // the row below
     p: [&'a mut [f64]; 2], // along the row, down the column
     u: [&'a mut [f64]; 2],
@@ -177,6 +164,19 @@ fn put<I: Isa>(lanes: F8<I>, to: &mut [f64]) {
     to.copy_from_slice(&room[..to.len()]);
 }
 
+/// The right neighbours of the i-th eight pixels of a row, of which the last has `end`; zeros behind it.
+#[inline(always)]
+fn right_of<I: Isa>(row: &[f64], i: usize, end: f64) -> F8<I> {
+    let rest = &row[i * LANES + 1..];
+    if let Some(lanes) = rest.first_chunk() {
+        return F8::load(lanes);
+    }
+    let mut lanes = [0.0; LANES];
+    lanes[..rest.len()].copy_from_slice(rest);
+    lanes[rest.len()] = end;
+    F8::load(&lanes)
+}
+
 /// Zeros where there are no pixels: they stay, and add nothing.
 #[inline(always)]
 fn filled<I: Isa>(rest: &[f64]) -> F8<I> {
@@ -192,13 +192,12 @@ impl Kernel for Pairs<'_> {
     fn run<I: Isa>(self) -> f64 {
         let ([pa, pb], [ua, ub]) = (self.p, self.u);
         let n = pa.len().min(pb.len()).min(ua.len()).min(ub.len()).min(self.below.len());
-        let n = n.min(self.here.len().saturating_sub(1));
+        let n = n.min(self.here.len());
         if n == 0 {
             return 0.0;
         }
-        let (here, right, below) = (&self.here[..n], &self.here[1..=n], &self.below[..n]);
-        let (here, here_rest) = here.as_chunks::<LANES>();
-        let (right, right_rest) = right.as_chunks::<LANES>();
+        let (row, below) = (&self.here[..n], &self.below[..n]);
+        let (here, here_rest) = row.as_chunks::<LANES>();
         let (below, below_rest) = below.as_chunks::<LANES>();
         let (pa, pa_rest) = pa[..n].as_chunks_mut::<LANES>();
         let (pb, pb_rest) = pb[..n].as_chunks_mut::<LANES>();
@@ -213,7 +212,7 @@ impl Kernel for Pairs<'_> {
         };
         for i in 0..here.len() {
             let x = F8::<I>::load(&here[i]);
-            let c = [F8::load(&right[i]) - x, F8::load(&below[i]) - x];
+            let c = [right_of(row, i, self.right) - x, F8::load(&below[i]) - x];
             let [a, b] = lanes.advance(c, [F8::load(&pa[i]), F8::load(&pb[i])], [F8::load(&ua[i]), F8::load(&ub[i])]);
             a[0].store(&mut pa[i]);
             a[1].store(&mut ua[i]);
@@ -222,7 +221,7 @@ impl Kernel for Pairs<'_> {
         }
         if !here_rest.is_empty() {
             let x = filled(here_rest);
-            let c = [filled(right_rest) - x, filled(below_rest) - x];
+            let c = [right_of(row, here.len(), self.right) - x, filled(below_rest) - x];
             let [a, b] = lanes.advance(c, [filled(pa_rest), filled(pb_rest)], [filled(ua_rest), filled(ub_rest)]);
             put(a[0], pa_rest);
             put(a[1], ua_rest);
@@ -242,7 +241,8 @@ impl Kernel for Pairs<'_> {
 struct FoldedPairs<'a> {
     relaxation: f64,
     threshold: f64,
-    here: &'a [f64], // one pixel more
+    here: &'a [f64],
+    right: f64, // of the last pixel
     below: &'a [f64],
     v: [&'a mut [f64]; 2],
     minus_p: [&'a mut [f64]; 2],
@@ -294,13 +294,12 @@ impl Kernel for FoldedPairs<'_> {
     fn run<I: Isa>(self) -> f64 {
         let ([va, vb], [pa, pb]) = (self.v, self.minus_p);
         let n = va.len().min(vb.len()).min(pa.len()).min(pb.len()).min(self.below.len());
-        let n = n.min(self.here.len().saturating_sub(1));
+        let n = n.min(self.here.len());
         if n == 0 {
             return 0.0;
         }
-        let (here, right, below) = (&self.here[..n], &self.here[1..=n], &self.below[..n]);
-        let (here, here_rest) = here.as_chunks::<LANES>();
-        let (right, right_rest) = right.as_chunks::<LANES>();
+        let (row, below) = (&self.here[..n], &self.below[..n]);
+        let (here, here_rest) = row.as_chunks::<LANES>();
         let (below, below_rest) = below.as_chunks::<LANES>();
         let (va, va_rest) = va[..n].as_chunks_mut::<LANES>();
         let (vb, vb_rest) = vb[..n].as_chunks_mut::<LANES>();
@@ -320,7 +319,7 @@ impl Kernel for FoldedPairs<'_> {
                         ([[F8::<I>::zero(); 2]; $k], [[F8::zero(); 2]; $k], [[F8::zero(); 2]; $k]);
                     for k in 0..$k {
                         let x = F8::load(&here[i + k]);
-                        c[k] = [F8::load(&right[i + k]) - x, F8::load(&below[i + k]) - x];
+                        c[k] = [right_of(row, i + k, self.right) - x, F8::load(&below[i + k]) - x];
                         v[k] = [F8::load(&va[i + k]), F8::load(&vb[i + k])];
                     }
                     lanes.advance(c, &mut v, &mut p);
@@ -337,7 +336,7 @@ impl Kernel for FoldedPairs<'_> {
         }
         if !here_rest.is_empty() {
             let x = filled(here_rest);
-            let c = [filled(right_rest) - x, filled(below_rest) - x];
+            let c = [right_of(row, here.len(), self.right) - x, filled(below_rest) - x];
             let (mut v, mut p) = ([[filled(va_rest), filled(vb_rest)]], [[F8::zero(); 2]]);
             lanes.advance([c], &mut v, &mut p);
             put(v[0][0], va_rest);

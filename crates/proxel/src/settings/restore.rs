@@ -124,10 +124,11 @@ impl DataName {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RegulariserName {
-    /// `tv`, or `frame` where lambda is `auto` too, data are squares under a blur, and its estimated risk is clearly less.
+    /// `tv`, which is A(31); `frame` only where lambda is `auto` too, data are squares under a blur, and its estimated risk is
+    /// clearly less.
+    #[default]
     Auto,
     /// Total variation: flat pieces.
-    #[default]
     Tv,
     /// Second-order total generalised variation: pieces whose slope is constant.
     Tgv,

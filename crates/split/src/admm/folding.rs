@@ -56,12 +56,22 @@ impl Admm {
         if terms.is_empty() {
             pull.fill(0.0);
         }
+        let relaxation = self.cycle.relaxation;
         let locals = self.p.iter_mut().zip(&mut self.u).zip(&mut folding.v);
+        let mut begins = true;
         for (t, (term, ((p, u), v))) in terms.iter_mut().zip(locals).enumerate() {
+            if let (None, Some(folded), Some(intake)) = (self.fed, term.folded(), self.settings.global.intake(t))
+                && let Some(of_term) = folded.feed(relaxation, x, v, intake)
+            {
+                self.fed = Some(t);
+                report += of_term;
+                continue;
+            }
             report += match term.folded() {
-                Some(folded) => folded.step(self.cycle.relaxation, x, v, pull, t == 0),
-                None => term.pull_step(&self.cycle, x, p, u, pull, t == 0),
+                Some(folded) => folded.step(relaxation, x, v, pull, begins),
+                None => term.pull_step(&self.cycle, x, p, u, pull, begins),
             };
+            begins = false;
         }
         Some(report)
     }
