@@ -231,6 +231,21 @@ mod tests {
     }
 
     #[test]
+    fn what_is_not_finite_is_found_wherever_it_is() {
+        for n in [1, 7, 8, 31, 32, 41, LEAF, 2 * LEAF + 13] {
+            let mut a = vec![f64::MAX; n];
+            assert!(is_finite(&a), "n = {n}");
+            for at in [0, n / 3, n / 2, n - 1] {
+                for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                    let kept = std::mem::replace(&mut a[at], wrong);
+                    assert!(!is_finite(&a), "n = {n}: {wrong} at {at}");
+                    a[at] = kept;
+                }
+            }
+        }
+    }
+
+    #[test]
     fn sums_agree_with_plain_loops() {
         for n in [0, 1, 7, 8, 9, LEAF - 1, LEAF, LEAF + 1, 3 * LEAF + 5, 100_003] {
             let (a, b) = (sample(n, 1), sample(n, 2));

@@ -119,7 +119,7 @@ pub struct RestoreMethodArgs {
     pub scale: usize,
     /// What is asked of the image. tv: total variation, flat pieces; tgv: second-order total generalised variation, pieces whose
     /// slope is constant; frame: local cosines, fine texture; auto: tv, or frame where --lambda is auto too, under a blur, and
-    /// the estimated risk of frame is clearly less. tgv and frame have no --boundary neumann.
+    /// the estimated risk of frame is less. tgv and frame have no --boundary neumann.
     #[arg(long, value_name = "NAME", value_parser = regularisers(), default_value = RegulariserName::default().as_str())]
     pub regulariser: String,
     /// What a change of slope costs in tgv, over a step: in pixels.

@@ -125,7 +125,7 @@ impl DataName {
 #[serde(rename_all = "kebab-case")]
 pub enum RegulariserName {
     /// `tv`, which is A(31); `frame` only where lambda is `auto` too, data are squares under a blur, and its estimated risk is
-    /// clearly less.
+    /// less.
     #[default]
     Auto,
     /// Total variation: flat pieces.
