@@ -1,11 +1,10 @@
 //! Long vectors in parallel, with the same bits on any number of threads: sums are taken over a fixed binary tree.
 
 mod columns;
+mod differences;
 
-pub use columns::{
-    add_combination_then_dot, advance_then_dots, advance_then_subtract_combination, dots, pairs_of_dots,
-    subtract_combination,
-};
+pub use columns::{add_combination_then_dot, dots, subtract_combination};
+pub use differences::{copy_then_difference_dots, copy_then_subtract_differences, difference_dots};
 use proxel_linalg::simd::{F8, Isa, Kernel, LANES, Real, dispatch};
 
 /// Below this length a vector is handled by one thread, in order.
@@ -143,20 +142,6 @@ pub fn copy(to: &mut [f64], from: &[f64]) {
     rayon::join(|| copy(t0, f0), || copy(t1, f1));
 }
 
-/// out = now - before, and before = now; |out|^2.
-pub fn advance(out: &mut [f64], before: &mut [f64], now: &[f64]) -> f64 {
-    debug_assert!(out.len() == now.len() && now.len() == before.len());
-    if out.len() <= LEAF {
-        dispatch(CombineLeaf { out, a: Some(now), c: -1.0, b: before });
-        before.copy_from_slice(now);
-        return dot_leaf(out, out);
-    }
-    let m = middle(out.len());
-    let ((o0, o1), (b0, b1), (n0, n1)) = (out.split_at_mut(m), before.split_at_mut(m), now.split_at(m));
-    let (l, r) = rayon::join(|| advance(o0, b0, n0), || advance(o1, b1, n1));
-    l + r
-}
-
 /// out = c a
 pub fn scale_to(out: &mut [f64], c: f64, a: &[f64]) {
     debug_assert_eq!(out.len(), a.len());
@@ -266,23 +251,13 @@ mod tests {
             for (i, sum) in several.iter().enumerate() {
                 assert!((sum - dot(three(i % 3), &a)).abs() <= 1e-13 * scale + 1e-300, "n = {n}, product {i}");
             }
-            let mut pairs = Vec::new();
-            pairs_of_dots(11, &|i| three(i % 3), &a, &b, &mut pairs);
-            assert_eq!(pairs.len(), 11);
-            for (i, pair) in pairs.iter().enumerate() {
-                let (with_a, with_b) = (dot(three(i % 3), &a), dot(three(i % 3), &b));
-                let sizes = norm(three(i % 3)) * (norm(&a) + norm(&b)) + 1e-300;
-                assert!((pair.0 - with_a).abs() + (pair.1 - with_b).abs() <= 1e-13 * sizes, "n = {n}, product {i}");
-            }
             let mut scaled = vec![7.0; n];
             scale_to(&mut scaled, -3.0, &a);
             let mut o = vec![0.0; n];
             subtract(&mut o, &a, &b);
-            let (mut moved, mut before) = (vec![7.0; n], b.clone());
-            let square = advance(&mut moved, &mut before, &a);
-            assert!(moved == o && before == a && (square - dot(&o, &o)).abs() <= 1e-13 * square, "n = {n}");
-            copy(&mut moved, &b);
-            assert!(moved == b && is_finite(&b), "n = {n}");
+            let mut copied = vec![7.0; n];
+            copy(&mut copied, &b);
+            assert!(copied == b && is_finite(&b), "n = {n}");
             let mut z = o.clone();
             add_scaled(&mut z, 3.0, &b);
             for i in 0..n {
@@ -291,6 +266,48 @@ mod tests {
                 assert_eq!(o[i], a[i] - b[i]);
                 assert!((z[i] - (o[i] + 3.0 * b[i])).abs() <= 1e-15);
                 assert_eq!(scaled[i], -3.0 * a[i]);
+            }
+        }
+    }
+
+    #[test]
+    fn differences_of_calls_are_what_they_are_when_written_out() {
+        for n in [0, 1, 7, 8, 9, LEAF, LEAF + 1, 3 * LEAF + 5] {
+            let v: Vec<Vec<f64>> = (0..20).map(|k| sample(n, k)).collect();
+            let now = sample(n, 99);
+            let difference = |newer: &[f64], older: &[f64]| {
+                let mut d = vec![0.0; n];
+                subtract(&mut d, newer, older);
+                d
+            };
+            for m in 0..=19 {
+                let d: Vec<Vec<f64>> =
+                    (0..m).map(|j| difference(if j == 0 { &now } else { &v[j - 1] }, &v[j])).collect();
+                let (mut kept, mut products) = (vec![7.0; n], vec![(7.0, 7.0)]);
+                copy_then_difference_dots(&mut kept, &now, m, &|j| v[j].as_slice(), &mut products);
+                assert!(kept == now && products.len() == m, "n = {n}, m = {m}");
+                for (j, (with_new, with_now)) in products.iter().enumerate() {
+                    let wrong = (with_new - dot(&d[j], &d[0])).abs() + (with_now - dot(&d[j], &now)).abs();
+                    assert!(wrong <= 1e-13 * norm(&d[j]) * (norm(&d[0]) + norm(&now)), "n = {n}, m = {m}, j = {j}");
+                }
+
+                let (x, y, z) = (&v[3], &v[5], &v[7]);
+                difference_dots(m, &|j| v[j].as_slice(), [x, y, z], &mut products);
+                assert_eq!(products.len(), m);
+                for (j, (with_xy, with_z)) in products.iter().enumerate() {
+                    let (d, xy) = (difference(&v[j], &v[j + 1]), difference(x, y));
+                    let wrong = (with_xy - dot(&d, &xy)).abs() + (with_z - dot(&d, z)).abs();
+                    assert!(wrong <= 1e-13 * norm(&d) * (norm(&xy) + norm(z)), "n = {n}, m = {m}, j = {j}");
+                }
+
+                let c = sample(m, 5);
+                let (mut kept, mut out, mut want) = (vec![7.0; n], vec![7.0; n], vec![7.0; n]);
+                copy_then_subtract_differences(&mut out, &mut kept, &now, &c, &|j| v[j].as_slice());
+                subtract_combination(&mut want, &now, &c, &|j| d[j].as_slice());
+                assert_eq!(kept, now, "n = {n}, m = {m}");
+                for i in 0..n {
+                    assert!((out[i] - want[i]).abs() <= 1e-14, "n = {n}, m = {m}, entry {i}");
+                }
             }
         }
     }

@@ -43,9 +43,9 @@ pub struct Anderson {
     window: usize,
     mixing: f64,
     kind: Kind,
-    next: usize, // the column to be written
+    next: usize, // the place in the small matrix of the next difference
     used: usize,
-    inverse: Vec<f64>, // 1 over the length of each column of F
+    inverse: Vec<f64>, // 1 over the length of the difference of F at each place
     g: History,
     f: History,
     q: History,      // for a mixing other than 1
@@ -68,10 +68,10 @@ impl Anderson {
             next: 0,
             used: 0,
             inverse: vec![0.0; window],
-            g: History::default(),
-            f: History::default(),
-            q: History::default(),
-            sensed: History::default(),
+            g: History::new(window),
+            f: History::new(window),
+            q: History::new(window),
+            sensed: History::new(window),
             primed: false,
             least_squares: LeastSquares::new(window),
             square: Square::new(window),
@@ -107,60 +107,66 @@ impl Anderson {
         self.next(&Iterate { q: &[], g, sensed: &[], f }, out)
     }
 
-    /// Writes the difference of F to the call before into the oldest column, and its products into the small matrix; returns
-    /// that column. None, and an empty history, where nothing was learnt: from a step that changed nothing, or one into
+    /// Remembers F, and writes the products of its newest difference into the small matrix; returns whether anything was
+    /// learnt. If not, the history is empty: in the first call, and from a step that changed nothing, or one into
     /// nowhere.
-    fn push(&mut self, at: &Iterate<'_>) -> Option<usize> {
-        let place = self.next;
-        let used = (self.used + 1).min(self.window);
-        let square = match self.kind {
-            Kind::Two => self.f.advance_then_dots(place, used, at.f, &mut self.products),
-            Kind::One => self.f.advance(place, at.f),
-        };
-        let length = square.sqrt();
-        if !(length > 0.0 && length.is_finite()) {
-            self.reset();
-            return None;
-        }
-        self.inverse[place] = 1.0 / length;
-        self.next = (place + 1) % self.window;
-        self.used = used;
-        let inverse = &self.inverse;
-        match self.kind {
-            Kind::Two => {
-                for (i, (with_new, with_f)) in self.products.iter().enumerate() {
-                    self.least_squares.set(place, i, with_new * (inverse[i] / length));
-                    self.least_squares.set_right(i, with_f * inverse[i]);
-                }
-            }
-            Kind::One => {
-                self.sensed.advance(place, at.sensed);
-                let (f, sensed) = (&self.f, &self.sensed);
-                vector::pairs_of_dots(used, &|i| sensed.column(i), f.column(place), at.f, &mut self.products);
-                for (i, (with_new, with_f)) in self.products.iter().enumerate() {
-                    self.square.set(i, place, with_new * (inverse[i] / length));
-                    self.square.set_right(i, with_f * inverse[i]);
-                }
-                vector::dots(used, &|i| f.column(i), sensed.column(place), &mut self.row);
-                for (i, product) in self.row.iter().enumerate() {
-                    self.square.set(place, i, product * (inverse[i] / length));
-                }
-            }
-        }
-        Some(place)
-    }
-
-    /// This call is the one before from here on.
-    fn remember(&mut self, at: &Iterate<'_>) {
-        self.g.remember(at.g);
-        self.f.remember(at.f);
-        if self.mixing != 1.0 {
-            self.q.remember(at.q);
-        }
+    fn push(&mut self, at: &Iterate<'_>) -> bool {
+        let used = if self.primed { (self.used + 1).min(self.window) } else { 0 };
+        self.f.remember_then_dots(at.f, used, &mut self.products);
         if self.kind == Kind::One {
             self.sensed.remember(at.sensed);
         }
+        let length = self.products.first().map_or(0.0, |(square, _)| square.sqrt());
+        if !(length > 0.0 && length.is_finite()) {
+            self.reset();
+            self.primed = true;
+            return false;
+        }
+        let new = self.next;
+        self.inverse[new] = 1.0 / length;
+        self.next = (new + 1) % self.window;
+        self.used = used;
+        match self.kind {
+            Kind::Two => {
+                for (age, (with_new, with_f)) in self.products.iter().enumerate() {
+                    let i = place(self.next, self.window, age);
+                    self.least_squares.set(new, i, with_new * (self.inverse[i] / length));
+                    self.least_squares.set_right(i, with_f * self.inverse[i]);
+                }
+            }
+            Kind::One => {
+                let (f, sensed) = (&self.f, &self.sensed);
+                let of_f = [f.call(0), f.call(1), f.call(0)];
+                vector::difference_dots(used, &|age| sensed.call(age), of_f, &mut self.products);
+                for (age, (with_new, with_f)) in self.products.iter().enumerate() {
+                    let i = place(self.next, self.window, age);
+                    self.square.set(i, new, with_new * (self.inverse[i] / length));
+                    self.square.set_right(i, with_f * self.inverse[i]);
+                }
+                let of_sensed = [sensed.call(0), sensed.call(1), sensed.call(0)];
+                vector::difference_dots(used, &|age| f.call(age), of_sensed, &mut self.products);
+                for (age, (with_new, _)) in self.products.iter().enumerate() {
+                    let i = place(self.next, self.window, age);
+                    self.square.set(new, i, with_new * (self.inverse[i] / length));
+                }
+            }
+        }
+        true
     }
+
+    /// G and q of this call, where they are not extrapolated.
+    fn remember(&mut self, at: &Iterate<'_>) {
+        self.g.remember(at.g);
+        if self.mixing != 1.0 {
+            self.q.remember(at.q);
+        }
+    }
+}
+
+/// Where the difference between the call of this age and the one before it is in the small matrix, `next` being the place that
+/// the next one will take.
+fn place(next: usize, window: usize, age: usize) -> usize {
+    (next + 2 * window - 1 - age) % window
 }
 
 impl Accelerator for Anderson {
@@ -169,31 +175,27 @@ impl Accelerator for Anderson {
             vector::copy(out, at.g);
             return Proposal::default();
         }
-        let place = if self.primed { self.push(at) } else { None };
-        self.primed = true;
-        let Some(place) = place else {
+        if !self.push(at) {
             self.remember(at);
             vector::copy(out, at.g);
             return Proposal::default();
-        };
+        }
         let (theta, rank) = match self.kind {
             Kind::Two => self.least_squares.solve(self.used),
             Kind::One => self.square.solve(self.used),
         };
         if !vector::is_finite(theta) {
-            self.g.advance(place, at.g);
-            if self.mixing != 1.0 {
-                self.q.advance(place, at.q);
-            }
+            self.remember(at);
             vector::copy(out, at.g);
             return Proposal::default();
         }
         self.row.clear();
-        self.row.extend(theta.iter().zip(&self.inverse).map(|(theta, inverse)| theta * inverse));
-        self.g.advance_then_extrapolate(place, at.g, &self.row, out);
+        let places = (0..self.used).map(|age| place(self.next, self.window, age));
+        self.row.extend(places.map(|i| theta[i] * self.inverse[i]));
+        self.g.remember_then_extrapolate(at.g, &self.row, out);
         if self.mixing != 1.0 {
             self.mixed.resize(at.q.len(), 0.0);
-            self.q.advance_then_extrapolate(place, at.q, &self.row, &mut self.mixed);
+            self.q.remember_then_extrapolate(at.q, &self.row, &mut self.mixed);
             out.iter_mut().zip(&self.mixed).for_each(|(out, q)| *out = self.mixing * *out + (1.0 - self.mixing) * q);
         }
         Proposal { columns: self.used, rank }

@@ -2,66 +2,57 @@
 
 use crate::vector;
 
-/// The vector of the call before, and its differences between calls, oldest ones being written over.
-///
-/// A difference is made in the pass over the columns that needs it first, tile by tile, so that none is read again from memory.
+/// The vector of the last calls as they were given, the oldest being written over: one more than the window has columns,
+/// which are their differences and are nowhere but in registers ([`vector::difference_dots`]).
 #[derive(Default)]
 pub(super) struct History {
-    before: Vec<f64>,
-    columns: Vec<Vec<f64>>,
+    calls: Vec<Vec<f64>>,
+    newest: usize,
 }
 
 impl History {
-    /// The column, empty where there was none yet.
-    pub(super) fn column(&self, i: usize) -> &[f64] {
-        self.columns.get(i).map_or(&[], Vec::as_slice)
+    /// Room for the differences of `window` calls.
+    pub(super) fn new(window: usize) -> Self {
+        History { calls: vec![Vec::new(); window + 1], newest: 0 }
     }
 
-    /// This call is the one before from here on.
+    /// The vector of the call that was `age` calls before the newest.
+    pub(super) fn call(&self, age: usize) -> &[f64] {
+        let places = self.calls.len();
+        &self.calls[(self.newest + places - age) % places]
+    }
+
+    /// The oldest one's place in memory, for `n` numbers that are now the newest; to be given back to [`History::put`].
+    fn take(&mut self, n: usize) -> Vec<f64> {
+        let place = (self.newest + 1) % self.calls.len();
+        let mut kept = std::mem::take(&mut self.calls[place]);
+        kept.resize(n, 0.0);
+        kept
+    }
+
+    fn put(&mut self, kept: Vec<f64>) {
+        self.newest = (self.newest + 1) % self.calls.len();
+        self.calls[self.newest] = kept;
+    }
+
+    /// This call is the newest from here on.
     pub(super) fn remember(&mut self, now: &[f64]) {
-        self.before.resize(now.len(), 0.0);
-        vector::copy(&mut self.before, now);
+        let mut kept = self.take(now.len());
+        vector::copy(&mut kept, now);
+        self.put(kept);
     }
 
-    /// Column `place`, for the others to be read while it is written.
-    fn take(&mut self, place: usize, n: usize) -> Vec<f64> {
-        if self.columns.len() <= place {
-            self.columns.resize_with(place + 1, Vec::new);
-        }
-        let mut new = std::mem::take(&mut self.columns[place]);
-        new.resize(n, 0.0);
-        new
+    /// The same, and the products of the newest `used` differences with the newest one and with `now`, newest first.
+    pub(super) fn remember_then_dots(&mut self, now: &[f64], used: usize, products: &mut Vec<(f64, f64)>) {
+        let mut kept = self.take(now.len());
+        vector::copy_then_difference_dots(&mut kept, now, used, &|age| self.call(age), products);
+        self.put(kept);
     }
 
-    /// Column `place` <- now - before, and before <- now; the square of the column's length.
-    pub(super) fn advance(&mut self, place: usize, now: &[f64]) -> f64 {
-        let mut new = self.take(place, now.len());
-        let square = vector::advance(&mut new, &mut self.before, now);
-        self.columns[place] = new;
-        square
-    }
-
-    /// The same, and the products of the first `used` columns with that one and with `now`.
-    pub(super) fn advance_then_dots(
-        &mut self,
-        place: usize,
-        used: usize,
-        now: &[f64],
-        products: &mut Vec<(f64, f64)>,
-    ) -> f64 {
-        let mut new = self.take(place, now.len());
-        let (before, columns) = (&mut self.before, &self.columns);
-        let square =
-            vector::advance_then_dots(&mut new, before, now, place, used, &|i| columns[i].as_slice(), products);
-        self.columns[place] = new;
-        square
-    }
-
-    /// The same as [`History::advance`], and out <- now - sum c_i column_i.
-    pub(super) fn advance_then_extrapolate(&mut self, place: usize, now: &[f64], c: &[f64], out: &mut [f64]) {
-        let mut new = self.take(place, now.len());
-        let (before, columns) = (&mut self.before, &self.columns);
-        vector::advance_then_subtract_combination(out, &mut new, before, now, place, c, &|i| columns[i].as_slice());
-        self.columns[place] = new;
+    /// The same as [`History::remember`], and out <- now - sum_j c_j (difference j), newest first.
+    pub(super) fn remember_then_extrapolate(&mut self, now: &[f64], c: &[f64], out: &mut [f64]) {
+        let mut kept = self.take(now.len());
+        vector::copy_then_subtract_differences(out, &mut kept, now, c, &|age| self.call(age));
+        self.put(kept);
     }
 }
